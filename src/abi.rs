@@ -129,7 +129,7 @@ pub struct FilteredSplat {
     pub unused: u32,
 }
 
-/// A convex polygon in a plane, with a normal that may vary over it; 144 bytes. Splats cut at sharp edges and patches of
+/// A convex polygon in a plane, with a normal and a color that may vary over it; 152 bytes. Splats cut at sharp edges and patches of
 /// a cut are such polygons.
 ///
 /// A point of the plane is `center + u axis + v (normal x axis)`, u and v in model units.
@@ -152,9 +152,10 @@ pub struct OrientedPolygon {
     pub corner_count: u32,
     /// (u, v) of the corners, counter-clockwise seen from the normal's side; those past the count repeat the last.
     pub corners: [[f32; 2]; 8],
-    /// Normal for light at u = v = 0, model space; of length 1, or less where it averages a rough surface.
+    /// Normal for light at u = v = 0, model space; of length 1, or less where it averages a rough surface: the light that
+    /// falls on it is multiplied by that length. Without direction it faces the light.
     pub shading_normal: Vec3,
-    /// Red, green, blue (0..=255, used as value / 255 without decoding); alpha 255.
+    /// Red, green, blue at u = v = 0 (0..=255, used as value / 255 without decoding); alpha 255.
     pub color: [u8; 4],
     /// Change of that normal: it is `shading_normal + (s0 u + s1 v) axis + (s1 u + s2 v) (normal x axis)`, 1 / model
     /// units. 0 for splats.
@@ -162,6 +163,9 @@ pub struct OrientedPolygon {
     /// Sine of the largest angle between the plane and a face that the polygon stands for: it is left out as facing away
     /// only where all of those do. 0 for the plane alone, 1 for never.
     pub spread: f32,
+    /// Change of the color along u and along v: red, green, blue, of both times 2^e / 127 a model unit for the last of the
+    /// first, the exponent e. 0 for splats.
+    pub color_slopes: [[i8; 4]; 2],
 }
 
 impl OrientedPolygon {

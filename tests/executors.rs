@@ -106,6 +106,8 @@ const TABLE: &[ExecutorPromise] = &[
         &["disc-threshold", "disc-range"],
         NO_DEVICE_CUT,
     ),
+    technique("patches", &["patches", "patches-coarse"], NO_DEVICE_CUT),
+    technique("splats from vertices", &["from-vertices"], NO_CUT),
     technique("splats alone", &["splats", "splats-gauss"], NO_DEVICE_CUT),
     technique(
         "filtered splats",

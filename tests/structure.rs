@@ -79,6 +79,7 @@ const LAYERS: &[Layer] = &[
             "pack",
             "oriented",
             "image",
+            "patches",
             "projective",
             "gpu",
         ],
@@ -122,8 +123,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "bench",
         &[
-            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "gpu", "render",
-            "measure", "chart",
+            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "patches", "gpu",
+            "render", "measure", "chart",
         ],
     ),
     // Wraps the error of every layer; no layer may use it.

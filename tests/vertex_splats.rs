@@ -1,6 +1,9 @@
-//! Splats from vertices: the processor draws what the reference draws, and what nobody draws is refused by name.
+//! Splats from vertices: processor and device draw what the reference draws, and what nobody draws is refused by name.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod common;
+
+use common::Device;
 use glam::{DVec3, Vec3};
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
@@ -100,8 +103,8 @@ fn differing(a: &Image, b: &Image) -> usize {
     (0..a.color.len()).filter(differs).count()
 }
 
-#[test]
-fn the_processor_draws_what_the_reference_draws() {
+/// Holds a backend to the pictures of the reference: in every light, of cut and whole splats, from several sides.
+fn assert_as_reference(own: &Backend) {
     for (model, name) in [(cube(), "cube"), (sheet(), "sheet")] {
         let whole = SplatRules {
             radius: RadiusRule::Dietz,
@@ -123,8 +126,8 @@ fn the_processor_draws_what_the_reference_draws() {
                         ..settings(rules)
                     },
                 ] {
-                    let [reference, own] = [Backend::Mirror, Backend::Cpu]
-                        .map(|backend| draw(&backend, &model, &view, &look));
+                    let [reference, own] = [&Backend::Mirror, own]
+                        .map(|backend| draw(backend, &model, &view, &look));
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
                     let count = differing(&reference, &own);
                     assert!(covered > 2000, "{name}: {covered}");
@@ -136,6 +139,39 @@ fn the_processor_draws_what_the_reference_draws() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn the_processor_draws_what_the_reference_draws() {
+    assert_as_reference(&Backend::Cpu);
+}
+
+#[test]
+fn a_device_draws_what_the_reference_draws() {
+    let Some(device) = Device::open() else { return };
+    assert_as_reference(&Backend::Vulkan(device.gpu().clone()));
+}
+
+/// From within a box polygons reach behind the eye, where the device clips them.
+#[test]
+fn a_device_draws_what_reaches_behind_the_eye() {
+    let Some(device) = Device::open() else { return };
+    let model = cube();
+    let vulkan = Backend::Vulkan(device.gpu().clone());
+    for target in [DVec3::X, DVec3::new(0.2, 0.9, 0.0), DVec3::ONE] {
+        let eye = DVec3::new(0.5, 0.4, 0.6);
+        let camera = Camera::look_at((240, 200), eye, target, DVec3::Z, 1.2, (0.05, 10.0));
+        let view = camera.view(DVec3::ZERO).unwrap();
+        let inside = Settings {
+            culling: Culling::Off,
+            ..settings(cut(5.0))
+        };
+        let [reference, own] =
+            [&Backend::Mirror, &vulkan].map(|backend| draw(backend, &model, &view, &inside));
+        let covered = reference.color.iter().filter(|c| c[3] > 0).count();
+        assert_eq!(covered, 240 * 200);
+        assert!(differing(&reference, &own) * 200 < covered);
     }
 }
 

@@ -4,6 +4,7 @@ use super::report::BenchPlace;
 use super::verdict::BenchTarget;
 use crate::chart::run::orbit;
 use crate::math::camera::{Camera, View};
+use crate::patches::PatchRules;
 use crate::render::{CutOn, ListOf, Method, Path, Settings, SplatKind};
 use crate::tree::{Model, OrbitSphere};
 use glam::DVec3;
@@ -167,6 +168,23 @@ pub fn pop(splat: SplatKind, path: Path, threshold_px: f32) -> BenchLine {
     }
 }
 
+/// Patches within the usual tolerances, and squares and triangles of what is none.
+pub fn patches(path: Path) -> BenchLine {
+    let by = match path {
+        Path::Raster => " by raster",
+        _ => "",
+    };
+    BenchLine {
+        name: format!("patches{by}, usual tolerances"),
+        settings: Settings {
+            patches: Some(PatchRules::default()),
+            path,
+            ..Settings::default()
+        },
+        is_rare: false,
+    }
+}
+
 /// `pop` with squares whose cut the device chooses and the rasterizer draws.
 pub fn cut_on_device(threshold_px: f32) -> BenchLine {
     BenchLine {
@@ -275,6 +293,7 @@ impl Plan {
                 );
             }
         }
+        lines.extend([Path::Auto, Path::Raster].map(patches));
         lines.push(cut_on_device(1.0));
         lines.extend(lists(1.0));
         lines

@@ -2,6 +2,7 @@
 
 use super::color_choice::{ColorByName, ColorChoice};
 use super::light::LightArgs;
+use super::error_patches::ErrorArgs;
 use super::vertex_splats::VertexSplatArgs;
 use super::{Failure, usage};
 use clap::builder::Resettable;
@@ -229,6 +230,8 @@ pub(crate) struct LookArgs {
     splat: SplatName,
     #[command(flatten)]
     vertex_splats: VertexSplatArgs,
+    #[command(flatten)]
+    errors: ErrorArgs,
     /// How splats that overlap become one surface [default: two-pass for gauss, else opaque]
     #[arg(long, value_enum)]
     blend: Option<BlendName>,
@@ -276,7 +279,7 @@ pub(crate) struct LookArgs {
     /// How strong eye-dome lighting is
     #[arg(long, value_name = "FACTOR", default_value = "1")]
     eye_dome_strength: f32,
-    /// Source of the color: shading (light and vertex colors), primitive (splats red, triangles blue); not lit: level (of the tree, the root dark), normal, depth (near bright), overdraw (from 1, dark violet, over 8 to 64, yellow); classification of visibility splats; or, of points, height, intensity, class, return, time or another attribute that `surfel info` lists
+    /// Source of the color: shading (light and vertex colors), primitive (splats red, triangles blue, patches green); not lit: level (of the tree, the root dark), normal, depth (near bright), overdraw (from 1, dark violet, over 8 to 64, yellow); classification of visibility splats; or, of points, height, intensity, class, return, time or another attribute that `surfel info` lists
     #[arg(long, value_name = "WHAT", default_value = "shading", value_parser = str::parse::<ColorChoice>)]
     color_by: ColorChoice,
     #[command(flatten)]
@@ -364,11 +367,12 @@ impl LookArgs {
             && (self.threshold.is_some()
                 || settings.splat != usual.splat
                 || settings.path != usual.path
+                || settings.patches.is_some()
                 || settings.blend.is_some()
                 || settings.shading != usual.shading)
         {
             return Err(usage(
-                "--method auto chooses threshold, splat, path, blend and shading; leave these options out",
+                "--method auto chooses threshold, splat, path, error, blend and shading; leave these options out",
             ));
         }
         Ok(settings)
@@ -418,6 +422,7 @@ impl LookArgs {
             method: self.method.into(),
             splat: self.splat.into(),
             vertex_splats: self.vertex_splats.rules(self.method.into())?,
+            patches: self.errors.rules(self.method.into())?,
             blend: self.blend.map(Blend::from),
             shading: match self.shading {
                 ShadingName::PerSplat => Shading::PerSplat,

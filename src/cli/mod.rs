@@ -12,6 +12,7 @@ mod compare;
 mod costs;
 mod demo;
 mod devices;
+mod error_patches;
 mod generate;
 mod info;
 mod light;

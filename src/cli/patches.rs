@@ -1,6 +1,7 @@
 //! `surfel patches`
 
 use super::cameras::{orbit_camera, parse_size};
+use super::error_patches::parse_error;
 use super::progress::Bar;
 use super::source::Source;
 use super::{Failure, Outcome, bytes, count, print, usage, write_text};
@@ -62,29 +63,6 @@ pub(crate) struct Args {
     /// Write all figures as JSON; - for standard output, instead of the table
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-}
-
-fn parse_error(text: &str) -> Result<ErrorTolerances, String> {
-    let numbers: Option<Vec<f32>> = text
-        .split(',')
-        .map(|part| part.trim().parse().ok())
-        .collect();
-    match numbers.as_deref() {
-        Some(&[rim_px, inside_px, shade_levels])
-            if [rim_px, inside_px, shade_levels]
-                .iter()
-                .all(|value| value.is_finite()) =>
-        {
-            Ok(ErrorTolerances {
-                rim_px,
-                inside_px,
-                shade_levels,
-            })
-        }
-        _ => Err(
-            "three numbers are wanted: pixels at silhouettes, pixels elsewhere, grey levels".into(),
-        ),
-    }
 }
 
 impl Args {
@@ -273,18 +251,4 @@ fn reasons(rows: &[PatchRow]) -> String {
         );
     }
     text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn tolerances_are_three_numbers() {
-        let found = parse_error("0.1, 0.5,-1").map(|t| [t.rim_px, t.inside_px, t.shade_levels]);
-        assert_eq!(found, Ok([0.1, 0.5, -1.0]));
-        for bad in ["", "1,2", "1,2,x", "1,2,inf", "1,2,3,4"] {
-            assert!(parse_error(bad).is_err(), "{bad}");
-        }
-    }
 }

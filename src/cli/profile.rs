@@ -111,6 +111,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         .collect::<Result<Vec<_>, _>>()?;
     let backend = args.device.open()?;
     let mut engine = Engine::new(&backend, &ready.model, size, PictureOutputs::default())?;
+    engine.build_patches(&settings, &Bar::new(quiet))?;
     engine.set_costs(costs_of(&backend, &[settings]));
     let plan = Plan {
         views: &views,

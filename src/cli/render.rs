@@ -489,6 +489,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
+    engine.build_patches(&settings, &Bar::new(quiet))?;
     engine.set_costs(costs_of(&backend, &[settings]));
     if let Some(staged) = &mut staged {
         engine.set_photos(Some(staged.frame(&views[0])))?;

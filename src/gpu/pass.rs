@@ -549,12 +549,21 @@ impl DrawRecorder<'_> {
     /// Draws `count` records from `first` on as quads
     /// ([`Topology::Quads`](super::pipeline::PrimitiveTopology::Quads)).
     pub fn draw_quads(&mut self, first: u32, count: u32) {
+        self.draw_records(6, first, count);
+    }
+
+    /// Draws `count` records from `first` on as fans ([`Topology::Fans`](super::pipeline::PrimitiveTopology::Fans)).
+    pub fn draw_fans(&mut self, first: u32, count: u32) {
+        self.draw_records(18, first, count);
+    }
+
+    fn draw_records(&mut self, vertices: u32, first: u32, count: u32) {
         // SAFETY: as in `draw`; the records are bound per instance.
         unsafe {
             self.site
                 .gpu
                 .device
-                .cmd_draw(self.site.commands, 6, count, 0, first)
+                .cmd_draw(self.site.commands, vertices, count, 0, first)
         };
     }
 

@@ -24,6 +24,8 @@ pub enum PrimitiveTopology {
     Points,
     /// Two triangles for every record, which the vertex shader places by `gl_VertexIndex` (0 to 5).
     Quads,
+    /// Six triangles for every record, a fan of eight corners, which the vertex shader places by `gl_VertexIndex` (0 to 17).
+    Fans,
 }
 
 /// What a graphics pipeline is made of.
@@ -367,7 +369,7 @@ fn compile(
         .binding(0)
         .stride(description.record.stride)
         .input_rate(match description.topology {
-            PrimitiveTopology::Quads => vk::VertexInputRate::INSTANCE,
+            PrimitiveTopology::Quads | PrimitiveTopology::Fans => vk::VertexInputRate::INSTANCE,
             PrimitiveTopology::Triangles | PrimitiveTopology::Points => vk::VertexInputRate::VERTEX,
         })];
     let input = vk::PipelineVertexInputStateCreateInfo::default()
@@ -375,7 +377,7 @@ fn compile(
         .vertex_binding_descriptions(if attributes.is_empty() { &[] } else { &records });
     let assembly =
         vk::PipelineInputAssemblyStateCreateInfo::default().topology(match description.topology {
-            PrimitiveTopology::Triangles | PrimitiveTopology::Quads => {
+            PrimitiveTopology::Triangles | PrimitiveTopology::Quads | PrimitiveTopology::Fans => {
                 vk::PrimitiveTopology::TRIANGLE_LIST
             }
             PrimitiveTopology::Points => vk::PrimitiveTopology::POINT_LIST,

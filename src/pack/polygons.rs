@@ -138,6 +138,7 @@ impl OrientedPolygon {
             color,
             shape_operator: [0.0; 3],
             spread: 0.0,
+            color_slopes: [[0; 4]; 2],
         })
     }
 
@@ -195,6 +196,23 @@ impl OrientedPolygon {
         self.shading_normal + (s0 * u + s1 * v) * self.axis + (s1 * u + s2 * v) * self.second_axis()
     }
 
+    /// Red, green and blue at these coordinates, 1 is full.
+    pub fn color_at(&self, [u, v]: [f32; 2]) -> Vec3 {
+        let [r, g, b, _] = self.color.map(|value| f32::from(value) / 255.0);
+        let [along_u, along_v] = self.color_slopes;
+        let factor = f32::from(along_u[3]).exp2() / 127.0;
+        let slope = |[r, g, b, _]: [i8; 4]| Vec3::new(r.into(), g.into(), b.into()) * factor;
+        (Vec3::new(r, g, b) + u * slope(along_u) + v * slope(along_v)).clamp(Vec3::ZERO, Vec3::ONE)
+    }
+
+    /// Part of the light that the surface keeps: the length of its shading normal in the middle, 1 without one.
+    pub fn light_share(&self) -> f32 {
+        match self.shading_normal.length() {
+            share if share > 0.0 => share,
+            _ => 1.0,
+        }
+    }
+
     /// The viewer is on the normal's side of the plane, or may be on that of a face that the polygon stands for.
     pub fn faces(&self, view: &View) -> bool {
         let towards = if view.is_perspective {
@@ -243,6 +261,10 @@ pub struct ScreenPolygon {
     /// Least and greatest (u, v).
     extent: [DVec2; 2],
     round_squared: f64,
+    /// Distances of the near and far plane.
+    clip: [f64; 2],
+    /// Pixels of a tangent (perspective) or of a view-space unit.
+    focal_px: f64,
     /// Ray of a window position p: (p * scale + offset, -1), or that point for parallel rays.
     ray_scale: DVec2,
     ray_offset: DVec2,
@@ -335,6 +357,8 @@ impl ScreenPolygon {
             axes: axes.map(|axis| axis / (scale * scale)),
             extent,
             round_squared: f64::from(polygon.round_radius) * f64::from(polygon.round_radius),
+            clip: [near, view.far.into()],
+            focal_px: view.focal_px().into(),
             ray_scale,
             ray_offset,
             is_perspective: view.is_perspective,
@@ -379,13 +403,28 @@ impl ScreenPolygon {
         if is_inside { 0.0 } else { least.sqrt() }
     }
 
-    /// What is seen at a window position; `None` outside. In the widened part, and edge-on, distance and coordinates are
-    /// those of the nearest that the polygon has.
+    /// What is seen at a window position; `None` outside. In the widened part, and edge-on, coordinates are those of the
+    /// nearest that the polygon has. There it is pushed back by the thickness and the distance from the footprint, so that a
+    /// neighbor's own area wins, but not out of the view: it may be all that covers the pixel.
     pub fn sample(&self, at: DVec2) -> Option<PolygonSample> {
-        if self.outside_px(at) > self.margin_px {
+        let outside_px = self.outside_px(at);
+        if outside_px > self.margin_px {
             return None;
         }
-        self.sample_inside(at)
+        let mut sample = self.sample_inside(at)?;
+        if self.margin_px > 0.0 {
+            if outside_px > 0.0 {
+                let depth = if self.is_perspective {
+                    sample.distance
+                } else {
+                    1.0
+                };
+                sample.distance += self.thickness + outside_px * depth / self.focal_px;
+            }
+            let [near, far] = self.clip;
+            sample.distance = sample.distance.clamp(near, far);
+        }
+        Some(sample)
     }
 
     /// Left and right end, pixels, of what [`ScreenPolygon::sample`] may cover in a row of window y; empty where left is right

@@ -6,6 +6,7 @@
 
 use super::build::NodePatches;
 use super::cut::PatchCut;
+use super::packed;
 use super::record::NodePatch;
 use crate::abi::OrientedPolygon;
 use crate::cut::{StripRun, strip_centers};
@@ -55,6 +56,18 @@ pub struct PatchPicture {
 }
 
 impl NodePatch {
+    /// [`OrientedPolygon::color_slopes`] of the color.
+    fn color_slopes(&self) -> [[i8; 4]; 2] {
+        let largest = (self.color_gradient.iter())
+            .map(|slope| slope.abs().max_element())
+            .fold(0.0, f32::max);
+        let exponent = packed::exponent_of(largest);
+        self.color_gradient.map(|slope| {
+            let [r, g, b] = slope.to_array().map(|value| packed::bits_7(value, exponent));
+            [r, g, b, exponent]
+        })
+    }
+
     /// The record as a polygon to draw. Its color is that of the middle; the shading normal is a unit vector times sigma there.
     pub fn polygon(&self) -> OrientedPolygon {
         let (corners, count) = self.corners();
@@ -84,6 +97,7 @@ impl NodePatch {
             shape_operator: self.shape.map(|s| s * scale),
             // The cut left out what faces away.
             spread: 1.0,
+            color_slopes: self.color_slopes(),
         }
     }
 }
@@ -230,9 +244,6 @@ impl<'a> PatchCanvas<'a> {
         };
         let [low, high] = seen.bounds();
         let [columns, rows] = self.pixels(low, high);
-        let scale = f64::from(self.view.model_scale);
-        let thickness = f64::from(patch.thickness) * scale;
-        let focal = f64::from(self.view.focal_px());
         for y in rows {
             for x in columns.clone() {
                 let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -240,19 +251,7 @@ impl<'a> PatchCanvas<'a> {
                     continue;
                 };
                 self.picture.polygon_samples += 1;
-                let outside_px = seen.outside_px(at);
-                let mut distance = sample.distance;
-                if outside_px > 0.0 {
-                    let px_per_unit = if self.view.is_perspective {
-                        focal / distance
-                    } else {
-                        focal
-                    };
-                    distance += thickness + outside_px / px_per_unit;
-                }
-                // What was pushed back stays in the picture: it may be all that covers this pixel.
-                let distance = distance.clamp(self.view.near.into(), self.view.far.into());
-                let Some(index) = self.wins([x, y], distance as f32) else {
+                let Some(index) = self.wins([x, y], sample.distance as f32) else {
                     continue;
                 };
                 let foot = Vec2::from_array(sample.uv);

@@ -14,6 +14,7 @@ mod nearest;
 mod packed;
 mod raster;
 mod record;
+mod resident;
 mod settings;
 #[cfg(test)]
 mod tests;
@@ -23,6 +24,7 @@ pub use conditions::PatchConditions;
 pub use cut::{PatchCut, PatchRefusals, PatchSelector, select};
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
 pub use packed::{PackedPatch, PackedPatchColors};
-pub use raster::PatchRaster;
+pub use raster::{PatchPixel, PatchRaster};
 pub use record::{MOST_CORNERS, NodePatch, RESIDUAL_LEVELS};
-pub use settings::{ErrorTolerances, PatchCutSettings};
+pub use resident::ResidentPatches;
+pub use settings::{ErrorTolerances, PatchCutSettings, PatchRules};

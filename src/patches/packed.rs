@@ -128,14 +128,14 @@ fn power(code: u8, largest: f32) -> f32 {
 }
 
 /// The exponent from which on a value has room in seven bits.
-fn exponent_of(largest: f32) -> i8 {
+pub(super) fn exponent_of(largest: f32) -> i8 {
     (largest.max(1e-30) * (1.0 / 0.999))
         .log2()
         .ceil()
         .clamp(-100.0, 100.0) as i8
 }
 
-fn bits_7(value: f32, exponent: i8) -> i8 {
+pub(super) fn bits_7(value: f32, exponent: i8) -> i8 {
     (value * (-f32::from(exponent)).exp2() * 127.0)
         .round()
         .clamp(-127.0, 127.0) as i8

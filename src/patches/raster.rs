@@ -5,10 +5,13 @@
 //! sharp corners sides alone would reach far beyond. Depths are kept as their inverse in a perspective, which is linear on the
 //! picture. The picture is divided into bands of rows, which threads draw one by one.
 
-use super::build::NodePatches;
-use super::record::{MOST_CORNERS, NodePatch};
+use crate::abi::OrientedPolygon;
+#[cfg(test)]
 use crate::image::{Image, unorm8};
-use crate::math::camera::{Light, View};
+#[cfg(test)]
+use crate::math::camera::Light;
+use crate::math::camera::View;
+#[cfg(test)]
 use crate::pack::ALBEDO;
 use crate::threads::{self, share};
 use glam::{Mat3, Vec2, Vec3, Vec4};
@@ -16,13 +19,15 @@ use glam::{Mat3, Vec2, Vec3, Vec4};
 /// Linear forms of a patch: its sides, and its two ends.
 const FORMS: usize = MOST_CORNERS + 2;
 
+const MOST_CORNERS: usize = OrientedPolygon::MOST_CORNERS;
+
 /// Rows of a band.
 const BAND_ROWS: usize = 32;
 
 /// A patch that is no number where nothing is drawn.
 const NOTHING: u32 = u32::MAX;
 
-/// Draws patches, and keeps its memory from one picture to the next: 8 bytes a pixel, 4 for each band that a patch lies in.
+/// Draws patches, and keeps its memory from one picture to the next: 8 bytes a pixel, 200 a patch.
 #[derive(Debug)]
 pub struct PatchRaster {
     threads: usize,
@@ -31,13 +36,37 @@ pub struct PatchRaster {
     /// Pixels of a row in memory.
     stride: usize,
     bands: Vec<RowBand>,
+    parts: Vec<RasterPart>,
+    /// The view of the last picture.
+    view: Option<RasterView>,
+}
+
+/// What of the nearest patch a pixel shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PatchPixel {
+    /// Number of the polygon.
+    pub id: u32,
+    /// Distance along the view direction, view-space units.
+    pub distance: f32,
+    /// Coordinates of the foot in the plane.
+    pub uv: [f32; 2],
+}
+
+/// Patches that a thread places at a time.
+const PART: usize = 2048;
+
+/// Some patches of a picture, placed.
+#[derive(Debug, Default)]
+struct RasterPart {
+    /// With their numbers.
+    patches: Vec<(u32, RasterPatch)>,
+    /// Of each band, which of them reach it.
+    of_band: Vec<Vec<u32>>,
 }
 
 /// Some rows of the picture.
 #[derive(Debug, Default)]
 struct RowBand {
-    /// Patches whose balls touch it.
-    ids: Vec<u32>,
     /// The larger the nearer.
     nearness: Vec<f32>,
     nearest: Vec<u32>,
@@ -48,6 +77,8 @@ struct RowBand {
 struct RasterView {
     rotation: Mat3,
     translation: Vec3,
+    /// Directions of view space in model space, as long as there.
+    to_model: Mat3,
     /// The ray of a window position p is (p * scale + offset, -1); of parallel rays that is their place.
     ray_scale: Vec2,
     ray_offset: Vec2,
@@ -68,6 +99,8 @@ impl RasterView {
         Self {
             rotation: Mat3::from_mat4(matrix),
             translation: matrix.w_axis.truncate(),
+            to_model: Mat3::from_mat4(matrix).transpose()
+                * (1.0 / (view.model_scale * view.model_scale)),
             ray_scale: Vec2::new(2.0, -2.0) / size / scale,
             ray_offset: (Vec2::new(-1.0, 1.0) + shift) / scale,
             focal_px: view.focal_px(),
@@ -132,6 +165,7 @@ impl RasterView {
 }
 
 /// A patch on the picture. Positions are counted from its middle.
+#[derive(Debug)]
 struct RasterPatch {
     /// Where the origin of the plane lies on the picture.
     middle: Vec2,
@@ -149,19 +183,20 @@ struct RasterPatch {
 
 impl RasterPatch {
     /// `None` where it covers nothing.
-    fn new(view: &RasterView, patch: &NodePatch) -> Option<Self> {
-        let origin = view.place(patch.origin);
+    fn new(view: &RasterView, patch: &OrientedPolygon) -> Option<Self> {
+        let origin = view.place(patch.center);
         let [u, v] = [patch.axis, patch.second_axis()].map(|axis| view.rotation * axis);
         let normal = u.cross(v) / (view.model_scale * view.model_scale);
         let thickness = patch.thickness * view.model_scale;
-        let (corners, count) = patch.corners();
+        let corners = patch.footprint();
+        let count = corners.len();
         let mut places = [Vec2::ZERO; MOST_CORNERS];
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
         let (mut nearest, mut farthest) = (f32::INFINITY, f32::NEG_INFINITY);
         let (mut sine_squared, mut least_cosine) = (0.0f32, 1.0f32);
         let off = normal.dot(origin);
-        for (place, corner) in places.iter_mut().zip(&corners[..count]) {
-            let way = u * corner.x + v * corner.y;
+        for (place, &[along_u, along_v]) in places.iter_mut().zip(corners) {
+            let way = u * along_u + v * along_v;
             let point = origin + way;
             *place = view.window_way(origin, way);
             (low, high) = (low.min(*place), high.max(*place));
@@ -261,48 +296,72 @@ impl PatchRaster {
             height: 0,
             stride: 0,
             bands: Vec::new(),
+            parts: Vec::new(),
+            view: None,
         }
     }
 
-    /// Draws patches of a model into an empty picture; ids that are none are left out.
-    pub fn draw(&mut self, patches: &NodePatches, ids: &[u32], view: &View) {
+    /// Draws patches into an empty picture.
+    pub fn draw(&mut self, patches: &[OrientedPolygon], view: &View) {
         let raster = RasterView::new(view);
+        self.view = Some(raster);
         (self.width, self.height) = (view.width, view.height);
         self.stride = view.width as usize + 4;
         let count = (view.height as usize).div_ceil(BAND_ROWS);
         self.bands.resize_with(count, RowBand::default);
-        for band in &mut self.bands {
-            band.ids.clear();
-        }
-        for &id in ids {
-            let Some(patch) = patches.records.get(id as usize) else {
-                continue;
-            };
-            let [first, last] = rows_of(&raster, patch);
-            let last = (last / BAND_ROWS as f32).min(count as f32 - 1.0);
-            // Casts saturate, and take what is no number to 0.
-            let (first, last) = ((first / BAND_ROWS as f32).max(0.0) as usize, last as isize);
-            for band in first..(last + 1).max(0) as usize {
-                self.bands[band].ids.push(id);
-            }
-        }
+        let part_count = patches.len().div_ceil(PART);
+        self.parts.resize_with(part_count, RasterPart::default);
+        let workers = &mut vec![(); self.threads];
+        let parts = self.parts.iter_mut().zip(patches.chunks(PART)).enumerate();
+        share(workers, parts, |(), (number, (part, patches))| {
+            part.set_up(&raster, (patches, (number * PART) as u32), count);
+        });
         let (stride, width) = (self.stride, self.width as usize);
+        let parts = &self.parts;
         let bands = self.bands.iter_mut().enumerate();
-        share(&mut vec![(); self.threads], bands, |(), (index, band)| {
+        share(workers, bands, |(), (index, band)| {
             let top = index * BAND_ROWS;
             let rows = BAND_ROWS.min(view.height as usize - top);
             band.clear(rows * stride);
-            for at in 0..band.ids.len() {
-                let id = band.ids[at];
-                if let Some(patch) = RasterPatch::new(&raster, &patches.records[id as usize]) {
-                    band.fill(&raster, &patch, id, [top, rows, width, stride]);
+            for part in parts {
+                for &at in &part.of_band[index] {
+                    let (id, patch) = &part.patches[at as usize];
+                    band.fill(&raster, patch, *id, [top, rows, width, stride]);
                 }
             }
         });
     }
 
+    /// The nearest patch in each pixel of columns `from..` of a row of the last picture; `None` where there is none. `patches`
+    /// are those that were drawn.
+    pub fn row<'r>(
+        &'r self,
+        patches: &'r [OrientedPolygon],
+        y: u32,
+        from: u32,
+    ) -> impl Iterator<Item = Option<PatchPixel>> + 'r {
+        let (band, row) = (y as usize / BAND_ROWS, y as usize % BAND_ROWS);
+        let band = self.bands.get(band).zip(self.view);
+        let start = row * self.stride;
+        (from..self.width).map(move |x| {
+            let (band, view) = band?;
+            let at = start + x as usize;
+            let &id = band.nearest.get(at).filter(|id| **id != NOTHING)?;
+            let patch = patches.get(id as usize)?;
+            let distance = view.distance(*band.nearness.get(at)?);
+            let place = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let point = view.point(place, distance);
+            Some(PatchPixel {
+                id,
+                distance,
+                uv: foot_of(&view, patch, point).to_array(),
+            })
+        })
+    }
+
     /// The picture of the patches last drawn: `patches` and `view` are those of that time.
-    pub fn picture(&self, patches: &NodePatches, view: &View, background: [f32; 3]) -> Image {
+    #[cfg(test)]
+    fn picture(&self, patches: &[OrientedPolygon], view: &View, background: [f32; 3]) -> Image {
         let raster = RasterView::new(view);
         let [r, g, b] = background;
         let pixels = self.width as usize * self.height as usize;
@@ -327,7 +386,7 @@ impl PatchRaster {
                     let place = Vec2::new(x as f32 + 0.5, (y + index * BAND_ROWS) as f32 + 0.5);
                     let distance = raster.distance(band.nearness[from]);
                     depth[at] = distance;
-                    let patch = &patches.records[id as usize];
+                    let patch = &patches[id as usize];
                     values[at] = shade(&raster, view.light, patch, raster.point(place, distance));
                 }
             },
@@ -344,39 +403,58 @@ impl PatchRaster {
     }
 }
 
-/// First and last row that a patch may touch.
-fn rows_of(view: &RasterView, patch: &NodePatch) -> [f32; 2] {
-    let origin = view.place(patch.origin);
-    let reach = patch.reach() * view.model_scale;
-    let row = view.window(origin).y;
-    let nearest = -origin.z - reach;
-    let px = if !view.is_perspective {
-        reach * view.focal_px
-    } else if nearest > view.near {
-        // Off the axis a ball is longer; twice the thickness for the margin.
-        let aside = origin.truncate().length() / -origin.z;
-        (reach + 2.0 * patch.thickness * view.model_scale) * view.focal_px / nearest * (1.0 + aside)
-    } else {
-        f32::INFINITY
-    };
-    [row - px - 1.0, row + px + 1.0]
+impl RasterPart {
+    /// Places patches, the first of which has number `first`, and finds the bands that they reach.
+    fn set_up(
+        &mut self,
+        view: &RasterView,
+        (patches, first): (&[OrientedPolygon], u32),
+        bands: usize,
+    ) {
+        self.patches.clear();
+        self.of_band.resize_with(bands, Vec::new);
+        self.of_band.iter_mut().for_each(Vec::clear);
+        for (index, polygon) in patches.iter().enumerate() {
+            let Some(patch) = RasterPatch::new(view, polygon) else {
+                continue;
+            };
+            // Casts saturate, and take what is no number to 0.
+            let end = ((patch.high.y.floor() + 1.0) as usize).div_ceil(BAND_ROWS);
+            let begin = patch.low.y as usize / BAND_ROWS;
+            if patch.high.y >= 0.0 && begin < bands {
+                for band in begin..end.min(bands) {
+                    self.of_band[band].push(self.patches.len() as u32);
+                }
+                self.patches.push((first + index as u32, patch));
+            }
+        }
+    }
+}
+
+/// Coordinates of the foot of a view-space point, within the rectangle around the footprint.
+fn foot_of(view: &RasterView, patch: &OrientedPolygon, point: Vec3) -> Vec2 {
+    let [u, v] = [patch.axis, patch.second_axis()];
+    let offset = view.to_model * (point - view.place(patch.center));
+    let corners = patch.footprint().iter().copied().map(Vec2::from_array);
+    let (low, high) = corners.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), at| {
+        (low.min(at), high.max(at))
+    });
+    Vec2::new(offset.dot(u), offset.dot(v)).clamp(low, high)
 }
 
 /// Color of a patch at a view-space point.
-fn shade(view: &RasterView, light: Light, patch: &NodePatch, point: Vec3) -> [f32; 4] {
-    let [u, v, n] = [patch.axis, patch.second_axis(), patch.normal]
-        .map(|axis| view.rotation * axis / view.model_scale);
-    let offset = (point - view.place(patch.origin)) / view.model_scale;
-    let foot = patch.clamped(Vec2::new(offset.dot(u), offset.dot(v)));
+#[cfg(test)]
+fn shade(view: &RasterView, light: Light, patch: &OrientedPolygon, point: Vec3) -> [f32; 4] {
+    let foot = foot_of(view, patch, point).to_array();
     let to_light = match light {
         Light::Point if view.is_perspective => -point,
         _ => Vec3::Z,
     };
-    let m = patch.fitted_normal(foot);
-    let along = m.x * u.dot(to_light) + m.y * v.dot(to_light) + m.z * n.dot(to_light);
-    let length = (m.length_squared() * to_light.length_squared()).sqrt();
-    let facing = along.abs() / length.max(f32::MIN_POSITIVE);
-    let [r, g, b] = (patch.color_at(foot) * (ALBEDO * patch.sigma * facing)).to_array();
+    let normal = view.rotation * patch.normal_at(foot);
+    let length = (normal.length_squared() * to_light.length_squared()).sqrt();
+    let facing = normal.dot(to_light).abs() / length.max(f32::MIN_POSITIVE);
+    let lit = ALBEDO * patch.light_share() * facing;
+    let [r, g, b] = (patch.color_at(foot) * lit).to_array();
     [r, g, b, 1.0]
 }
 
@@ -485,9 +563,11 @@ mod tests {
                 cut.rest.clear();
                 let style = PatchStyle::default();
                 let exact = draw(&patched.model, &patched.patches, &cut, &view, &style).image;
+                let polygon = |&id: &u32| patched.patches.records[id as usize].polygon();
+                let polygons: Vec<_> = cut.patches.iter().map(polygon).collect();
                 let [one, three] = [0, 1].map(|i: usize| {
-                    rasters[i].draw(&patched.patches, &cut.patches, &view);
-                    rasters[i].picture(&patched.patches, &view, style.background)
+                    rasters[i].draw(&polygons, &view);
+                    rasters[i].picture(&polygons, &view, style.background)
                 });
                 assert_eq!(one, three);
                 let missed = uncovered(&exact, &one);

@@ -32,6 +32,27 @@ impl ErrorTolerances {
     };
 }
 
+/// Which nodes a frame draws as patches.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PatchRules {
+    /// How wrong a patch may be.
+    pub tolerances: ErrorTolerances,
+    /// The shade keeps to its tolerance at every vertex, not on average.
+    pub is_strict: bool,
+}
+
+impl PatchRules {
+    /// Whether any node may be a patch: not where both tolerances of places, or that of the shade, are 0 or negative.
+    pub fn draw_any(&self) -> bool {
+        let ErrorTolerances {
+            rim_px,
+            inside_px,
+            shade_levels,
+        } = self.tolerances;
+        rim_px.max(inside_px).min(shade_levels) > 0.0
+    }
+}
+
 /// What the cut by error may choose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PatchCutSettings {

@@ -39,7 +39,7 @@ impl AvailableBackends {
         outputs: PictureOutputs,
         size: [u32; 2],
     ) -> Result<FrameBackend, Error> {
-        let is_own = settings.has_cut() || settings.drawn_vertex_splats().is_some();
+        let is_own = settings.has_lists();
         let is_left = self.has_device
             && (settings.shows_photos() || !(settings.path == Path::Auto && is_own));
         let reason = match self.has_cpu {

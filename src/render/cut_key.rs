@@ -4,8 +4,10 @@ use crate::cut;
 use crate::cut::SizeMetric;
 use crate::math::camera::View;
 use crate::pack::Footprint;
+use crate::patches::{PatchCutSettings, PatchRules};
 use crate::render::model_facts::DrawnFacts;
 use crate::render::technique::Technique;
+use crate::render::settings::PolygonSource;
 use crate::render::{Method, Occlusion, Path, Settings, SplatKind, Traversal};
 use crate::tree::Model;
 
@@ -70,6 +72,8 @@ pub(crate) struct CutKey {
     seen: Option<cut::SplatFootprints>,
     /// Where the traversal starts; the lists are the same.
     traversal: Traversal,
+    /// What is drawn as oriented polygons.
+    polygons: Option<PolygonSource>,
 }
 
 impl CutKey {
@@ -81,7 +85,22 @@ impl CutKey {
             // From elsewhere what the cut's own view does not show is seen.
             seen: footprints(settings, facts).filter(|_| !settings.holds_cut()),
             traversal: settings.traversal,
+            polygons: settings.drawn_polygons(),
         }
+    }
+
+    /// What a cut by error may choose.
+    pub(crate) fn by_error(&self, rules: &PatchRules) -> PatchCutSettings {
+        PatchCutSettings {
+            cut: self.settings,
+            tolerances: rules.tolerances,
+            ..PatchCutSettings::default()
+        }
+    }
+
+    /// What is drawn as oriented polygons; `None` where nothing is.
+    pub(crate) fn polygons(&self) -> Option<PolygonSource> {
+        self.polygons
     }
 
     /// The view that decides it.

@@ -3,6 +3,7 @@
 
 mod cpu_pictures;
 mod looked;
+mod patches;
 mod photos;
 mod smooth;
 
@@ -23,7 +24,7 @@ use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
 use crate::render::reference::engine::MirrorEngine;
 pub use crate::render::reference::engine::style;
 use crate::render::stats::FrameTimes;
-use crate::render::supported::check;
+use crate::render::supported::{check, check_patches_of};
 use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Path, Settings};
@@ -77,7 +78,7 @@ impl Backend {
         let can = unsupported_reason(settings, PictureOutputs::default(), [1, 1]).is_none();
         match self {
             Self::Device(gpu) => {
-                let is_own = settings.has_cut() || settings.drawn_vertex_splats().is_some();
+                let is_own = settings.has_lists();
                 can && gpu.info().is_cpu() && settings.path == Path::Auto && is_own
             }
             Self::Cpu | Self::WithoutDevice => can,
@@ -354,6 +355,7 @@ impl<'m> Engine<'m> {
                 renderer.draw_parts(parts, scene, view, settings)
             }
             (FrameBackend::Reference, .., Some(reference)) => {
+                check_patches_of(settings, parts)?;
                 let settings = resolve_of_parts(settings, parts, view);
                 let photos = self.photos.as_deref();
                 looked::draw_reference(reference, parts, (view, &settings), photos)

@@ -55,6 +55,7 @@ pub(crate) fn counts_of_cuts(
             }
         }
     }
+    splats += cuts.polygon_count() as u64;
     // Splats alone: what would be a triangle is one as well.
     let is_whole = settings.method == Method::Splats;
     FrameCounts {

@@ -9,6 +9,7 @@ use crate::gpu::Error;
 use crate::math::camera::View;
 use crate::pack::splats::Plan;
 use crate::pack::{ColorBy, filtered, fuzzy};
+use crate::patches::PatchRules;
 use crate::render::capabilities::RendererCapabilities;
 use crate::render::compute_limits;
 use crate::render::compute_limits::may_use_compute;
@@ -18,7 +19,7 @@ use crate::render::cut_key::{CutKey, knows_footprints};
 use crate::render::frame_constants::{FrameContext, frame_constants};
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, fuzzy_look, splat_plan};
-use crate::render::supported::{check, device_cut_refusal, ids_refusal};
+use crate::render::supported::{check, check_patches_of, device_cut_refusal, ids_refusal};
 use crate::render::technique::Technique;
 use crate::render::{
     Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PictureOutputs, Settings,
@@ -197,7 +198,9 @@ impl RecordFormat {
         let (settings, facts) = (&plan.settings, &plan.facts);
         let splats = splat_plan(settings, max_point_px);
         match plan.technique {
-            Technique::Opaque | Technique::Visibility => Self::Splats(splats),
+            Technique::Opaque | Technique::Visibility | Technique::Polygons => {
+                Self::Splats(splats)
+            }
             Technique::Fuzzy if plan.may_use_compute => {
                 Self::Fuzzy(splats, fuzzy_look(settings, facts))
             }
@@ -206,7 +209,7 @@ impl RecordFormat {
                 let depth_range = plan.context.depth_range;
                 Self::Filtered(filtered_shade(settings, facts, depth_range, max_point_px))
             }
-            Technique::Nothing | Technique::Polygons => Self::Nothing,
+            Technique::Nothing => Self::Nothing,
         }
     }
 }
@@ -225,6 +228,7 @@ impl FramePlan {
             costs,
         } = *input;
         check(settings, outputs, capabilities.max_point_px)?;
+        check_patches_of(settings, parts)?;
         let facts = parts.facts();
         let mut settings = resolve_of_parts(settings, parts, view);
         let technique = Technique::of(&settings);
@@ -264,10 +268,13 @@ impl FramePlan {
             // Quads need no guard band; those that might be points have the same, so that both give the same picture.
             Method::Points if vertex_px > max_point_px => 0.0,
             Method::Points => vertex_px,
+            // Of a size that only they know.
+            Method::Splats if technique == Technique::Polygons => {
+                view.width.max(view.height) as f32
+            }
             Method::Pop | Method::Splats => {
                 let usual = match technique {
                     Technique::Filtered if has_own_sizes => max_point_px,
-                    Technique::Polygons => max_point_px,
                     Technique::Filtered => settings.threshold_px.max(3.0) + 2.0,
                     _ => splat_plan(&settings, max_point_px).largest_point_px(facts.kind),
                 };
@@ -278,10 +285,19 @@ impl FramePlan {
                 } else {
                     side_px
                 };
-                usual.min(limit_px)
+                // Patches are widened by what their error shows beside them, and reach over the surface by as much.
+                let beside_px = match settings.drawn_patches() {
+                    Some(PatchRules { tolerances, .. }) => {
+                        4.0 * tolerances.rim_px.max(tolerances.inside_px)
+                    }
+                    None => 0.0,
+                };
+                usual.min(limit_px) + beside_px
             }
         };
-        let guard_px = match largest_px > 0.0 {
+        // What is drawn as triangles needs no guard band.
+        let has_points = largest_px > 0.0 && (settings.has_cut() || !is_whole);
+        let guard_px = match has_points {
             true => (largest_px.min(capabilities.largest_guarded_px) / 2.0).ceil() as u32 + 1,
             false => 0,
         };
@@ -300,7 +316,7 @@ impl FramePlan {
             cut: CutKey::of(&settings, &facts, view),
             cut_place,
             primitives: PlannedPrimitives {
-                has_triangles: settings.method == Method::Pop,
+                has_triangles: settings.method == Method::Pop || technique == Technique::Polygons,
                 has_large_splats: has_own_sizes,
                 may_sample: capabilities.is_software
                     && !outputs.normal

@@ -1,6 +1,9 @@
 //! Facts of what is drawn, found once: of each model, and of several that are drawn together.
 
 use crate::cut::{Cut, ZeroAreaSet};
+use crate::patches::ResidentPatches;
+use crate::progress::{Progress, Silent};
+use crate::tree;
 use crate::tree::{Model, ModelKind};
 use glam::{DVec3, Vec3};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,6 +19,7 @@ pub struct ModelFacts {
     has_colors: bool,
     drawn: DrawnFacts,
     undrawn: OnceLock<ZeroAreaSet>,
+    patches: OnceLock<ResidentPatches>,
 }
 
 /// A model to be drawn, with the facts that were found of it.
@@ -106,6 +110,7 @@ impl ModelFacts {
             has_colors: model.vertices.iter().any(|v| v.color != [255; 4]),
             drawn: model.into(),
             undrawn: OnceLock::new(),
+            patches: OnceLock::new(),
         }
     }
 
@@ -116,6 +121,7 @@ impl ModelFacts {
             has_colors,
             drawn,
             undrawn: OnceLock::new(),
+            patches: OnceLock::new(),
         }
     }
 
@@ -132,6 +138,35 @@ impl ModelFacts {
     /// Nodes and leaves without area; found at the first call.
     pub(crate) fn undrawn(&self, model: &Model) -> &ZeroAreaSet {
         self.undrawn.get_or_init(|| ZeroAreaSet::new(model))
+    }
+
+    /// Nodes as polygons; made at the first call, in some seconds of processor time for each million triangles.
+    pub(crate) fn patches(&self, model: &Model) -> &ResidentPatches {
+        // Nobody cancels.
+        let made = || ResidentPatches::build(model, &Silent).unwrap_or_default();
+        self.patches.get_or_init(made)
+    }
+
+    /// Whether they are there.
+    pub(crate) fn has_patches(&self) -> bool {
+        self.patches.get().is_some()
+    }
+
+    /// Makes them unless they are there.
+    ///
+    /// # Errors
+    /// [`tree::Error::Cancelled`].
+    pub(crate) fn build_patches(
+        &self,
+        model: &Model,
+        progress: &dyn Progress,
+    ) -> Result<(), tree::Error> {
+        if !self.has_patches() {
+            let made = ResidentPatches::build(model, progress)?;
+            // Another thread may have been sooner; both made the same.
+            self.patches.get_or_init(|| made);
+        }
+        Ok(())
     }
 }
 

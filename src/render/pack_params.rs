@@ -21,7 +21,8 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::Plan 
         footprint: settings.footprint(),
         threshold_px: settings.threshold_px.max(1.0),
         size: settings.size,
-        draws_large_leaves: settings.method == Method::Splats,
+        // Triangles beside splats from vertices stay triangles.
+        draws_large_leaves: settings.method == Method::Splats && settings.has_cut(),
         low_pass_px: settings.low_pass_px(),
         by_level: settings.color_by == ColorBy::Level,
         cut_view: settings.cut_view,

@@ -1,9 +1,15 @@
 //! The cut of a frame: a list of parts, each the cut of one model.
 
+use crate::abi::OrientedPolygon;
 use crate::cut::{Cut, CutSelector, CutStats};
-use crate::pack::splats;
+use crate::pack::{falsecolor, splats};
+use crate::patches::{PatchCut, PatchRules, PatchSelector};
 use crate::render::cut_key::CutKey;
 use crate::render::model_facts::{DrawnParts, FactedModel};
+use crate::render::settings::PolygonSource;
+use crate::render::vertex_splats::VertexSplats;
+use rayon::prelude::*;
+use bytemuck::Zeroable;
 
 /// Cuts of the parts of a frame, in their order. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
@@ -11,11 +17,17 @@ pub struct PartCuts {
     cuts: Vec<Cut>,
     /// The first so many are those of the present frame.
     count: usize,
+    polygons: Option<PolygonSource>,
+    vertex_splats: VertexSplats,
+    patch_selector: PatchSelector,
+    /// Patches of each part; the rest of its cut is where that is.
+    patches: Vec<PatchCut>,
 }
 
 impl PartCuts {
     /// Chooses the cut of each part by a key of its own, or takes that which was chosen beside the frame. What is hidden is
-    /// left out within each part alone.
+    /// left out within each part alone. Splats from vertices are made in the place of a cut, which holds the triangles beside
+    /// them.
     pub(crate) fn select(
         &mut self,
         selector: &mut CutSelector,
@@ -26,6 +38,23 @@ impl PartCuts {
         if self.cuts.len() < self.count {
             self.cuts.resize_with(self.count, Cut::default);
         }
+        self.polygons = parts
+            .iter()
+            .next()
+            .and_then(|part| key_of(part).polygons());
+        if let Some(PolygonSource::Vertices(rules)) = &self.polygons {
+            self.vertex_splats.update(parts, rules);
+            let beside = self.vertex_splats.triangle_ids();
+            for (cut, ids) in self.cuts.iter_mut().zip(beside) {
+                cut.clear();
+                cut.triangles.extend_from_slice(ids);
+            }
+            return;
+        }
+        if let Some(PolygonSource::Patches(rules)) = self.polygons {
+            self.select_by_error(parts, &rules, key_of);
+            return;
+        }
         for (part, cut) in parts.iter().zip(&mut self.cuts) {
             if let Some(chosen) = part.cut {
                 cut.clone_from(chosen);
@@ -33,6 +62,25 @@ impl PartCuts {
             }
             let undrawn = || part.facts.undrawn(part.model);
             key_of(part).select(selector, part.model, undrawn, cut);
+        }
+    }
+
+    /// Chooses cuts by error.
+    fn select_by_error(
+        &mut self,
+        parts: DrawnParts<'_>,
+        rules: &PatchRules,
+        key_of: impl Fn(FactedModel<'_>) -> CutKey,
+    ) {
+        self.patches.resize_with(self.count, PatchCut::default);
+        let own = self.cuts.iter_mut().zip(&mut self.patches);
+        for (part, (cut, patches)) in parts.iter().zip(own) {
+            let key = key_of(part);
+            let conditions = part.facts.patches(part.model).conditions(rules.is_strict);
+            let settings = key.by_error(rules);
+            let selector = &mut self.patch_selector;
+            selector.select(part.model, conditions, key.view(), &settings, patches);
+            std::mem::swap(cut, &mut patches.rest);
         }
     }
 
@@ -56,6 +104,77 @@ impl PartCuts {
     /// Number of leaves that are drawn as triangles.
     pub fn triangle_count(&self) -> usize {
         self.iter().map(|cut| cut.triangles.len()).sum()
+    }
+
+    /// Number of oriented polygons.
+    pub(crate) fn polygon_count(&self) -> usize {
+        match &self.polygons {
+            Some(PolygonSource::Vertices(_)) => self.vertex_splats.splats().len(),
+            Some(PolygonSource::Patches(_)) => {
+                self.patches.iter().map(|cut| cut.patches.len()).sum()
+            }
+            None => 0,
+        }
+    }
+
+    /// Whether these are patches.
+    pub(crate) fn has_patches(&self) -> bool {
+        matches!(self.polygons, Some(PolygonSource::Patches(_)))
+    }
+
+    /// Writes the oriented polygons of all parts, of which there are as many as `out` has room for; in the colors of their
+    /// levels where `is_by_level`.
+    pub(crate) fn write_polygons(
+        &self,
+        parts: DrawnParts<'_>,
+        is_by_level: bool,
+        mut out: &mut [OrientedPolygon],
+    ) {
+        match &self.polygons {
+            Some(PolygonSource::Vertices(_)) => {
+                let splats = self.vertex_splats.splats();
+                out[..splats.len()].copy_from_slice(splats);
+            }
+            Some(PolygonSource::Patches(_)) => {
+                for (part, cut) in parts.iter().zip(&self.patches) {
+                    let (own, rest) = out.split_at_mut(cut.patches.len());
+                    out = rest;
+                    let polygons = part.facts.patches(part.model).polygons();
+                    let ids = cut.patches.par_iter().zip(own).with_min_len(2048);
+                    ids.for_each(|(&id, out)| {
+                        *out = polygons[id as usize];
+                        if is_by_level {
+                            let tree = &part.model.tree;
+                            out.color = falsecolor::of_record(tree, Some(id), out.color);
+                            out.color_slopes = [[0; 4]; 2];
+                        }
+                    });
+                }
+            }
+            None => {}
+        }
+    }
+
+    /// Puts the oriented polygons of all parts into a list, in the place of what was there.
+    pub(crate) fn put_polygons(
+        &self,
+        parts: DrawnParts<'_>,
+        is_by_level: bool,
+        list: &mut Vec<OrientedPolygon>,
+    ) {
+        list.resize(self.polygon_count(), OrientedPolygon::zeroed());
+        self.write_polygons(parts, is_by_level, list);
+    }
+
+    /// The oriented polygons of all parts.
+    pub(crate) fn polygons(
+        &self,
+        parts: DrawnParts<'_>,
+        is_by_level: bool,
+    ) -> Vec<OrientedPolygon> {
+        let mut polygons = Vec::new();
+        self.put_polygons(parts, is_by_level, &mut polygons);
+        polygons
     }
 
     /// Number of records that the splats need room for.

@@ -5,6 +5,7 @@ use crate::math::camera::View;
 use crate::oriented::splats::SplatRules;
 use crate::pack::{ColorBy, Footprint, Lighting};
 use crate::render::outputs::PictureOutputs;
+use crate::patches::PatchRules;
 
 /// How the model is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
@@ -188,6 +189,15 @@ pub enum PhotoDisplay {
     Source,
 }
 
+/// Where oriented polygons come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum PolygonSource {
+    /// Vertices of the mesh, by these rules.
+    Vertices(SplatRules),
+    /// Nodes of the tree, by these rules.
+    Patches(PatchRules),
+}
+
 /// Whether what faces away is dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Culling {
@@ -209,6 +219,9 @@ pub struct Settings {
     pub splat: SplatKind,
     /// Splats are made from the vertices of the mesh instead of the tree, by these rules; of [`Method::Splats`] only.
     pub vertex_splats: Option<SplatRules>,
+    /// Nodes whose error is small are drawn as one oriented polygon, whatever their size; of [`Method::Pop`] and surfaces only.
+    /// Their records are made at the first frame that has patches, and kept: about 61 bytes a triangle.
+    pub patches: Option<PatchRules>,
     /// How they are blended; `None` is the usual way of their kind, [`Settings::blend`].
     pub blend: Option<Blend>,
     /// When splats are lit.
@@ -271,6 +284,7 @@ impl Default for Settings {
             method: Method::Pop,
             splat: SplatKind::Square,
             vertex_splats: None,
+            patches: None,
             blend: None,
             shading: Shading::PerSplat,
             sums: None,
@@ -353,6 +367,25 @@ impl Settings {
     pub fn drawn_vertex_splats(&self) -> Option<&SplatRules> {
         let rules = self.vertex_splats.as_ref();
         rules.filter(|_| self.method == Method::Splats)
+    }
+
+    /// Where the oriented polygons come from that are drawn; `None` where there are none.
+    pub(crate) fn drawn_polygons(&self) -> Option<PolygonSource> {
+        match (self.drawn_vertex_splats(), self.drawn_patches()) {
+            (Some(rules), _) => Some(PolygonSource::Vertices(*rules)),
+            (None, rules) => rules.map(PolygonSource::Patches),
+        }
+    }
+
+    /// The rules by which nodes are drawn as patches; `None` where none is.
+    pub fn drawn_patches(&self) -> Option<PatchRules> {
+        let is_cut = self.method == Method::Pop;
+        self.patches.filter(|rules| is_cut && rules.draw_any())
+    }
+
+    /// Whether what is drawn is chosen before the frame: by a cut, or as splats from vertices.
+    pub(crate) fn has_lists(&self) -> bool {
+        self.has_cut() || self.drawn_vertex_splats().is_some()
     }
 
     /// Whether the cut decides what is drawn.

@@ -4,7 +4,7 @@ use crate::cut::SizeMetric;
 use crate::gpu::Error;
 use crate::pack::splats::Plan;
 use crate::pack::{ColorBy, Footprint, ids};
-use crate::render::model_facts::DrawnFacts;
+use crate::render::model_facts::{DrawnFacts, DrawnParts};
 use crate::render::technique::Technique;
 use crate::render::{Blend, EyeDome, Method, Path, PictureOutputs, Settings, Shading, SplatKind};
 
@@ -59,7 +59,10 @@ pub fn check(settings: &Settings, outputs: PictureOutputs, max_size_px: f32) -> 
     }
     let is_device = max_size_px.is_finite();
     if settings.drawn_vertex_splats().is_some() {
-        return check_vertex_splats(settings, is_device);
+        return check_vertex_splats(settings);
+    }
+    if settings.drawn_patches().is_some() {
+        return check_patches(settings);
     }
     if settings.draws_splats() {
         check_blend(settings, is_device)?;
@@ -86,10 +89,8 @@ fn check_overdraw(settings: &Settings, outputs: PictureOutputs) -> Result<(), Er
 }
 
 /// Refuses by name what splats from vertices cannot do.
-fn check_vertex_splats(settings: &Settings, is_device: bool) -> Result<(), Error> {
-    let why = if is_device {
-        "the rasterizer of a device does not know them; use --backend cpu or reference"
-    } else if settings.splat != SplatKind::Square || settings.blend() != Blend::Opaque {
+fn check_vertex_splats(settings: &Settings) -> Result<(), Error> {
+    let why = if settings.splat != SplatKind::Square || settings.blend() != Blend::Opaque {
         "they are opaque polygons of their own shape; leave --splat and --blend out"
     } else if settings.shading != Shading::PerSplat {
         "only splats that are blended are lit once a pixel of blended normals; leave --shading out"
@@ -100,6 +101,47 @@ fn check_vertex_splats(settings: &Settings, is_device: bool) -> Result<(), Error
     };
     Err(Error::Unsupported {
         what: "splats from vertices",
+        why: why.into(),
+    })
+}
+
+/// Refuses by name what patches of a cut by error cannot do.
+fn check_patches(settings: &Settings) -> Result<(), Error> {
+    let is_opaque = matches!(
+        settings.splat,
+        SplatKind::Square | SplatKind::Disc | SplatKind::Ellipse
+    );
+    let why = if !is_opaque || settings.blend() != Blend::Opaque {
+        "they and the splats beside them are opaque; use --splat square, disc or ellipse without --blend"
+    } else if settings.shading != Shading::PerSplat {
+        "only splats that are blended are lit once a pixel of blended normals; leave --shading out"
+    } else if settings.color_by == ColorBy::Overdraw {
+        "their overdraw is not counted; use another --color-by"
+    } else {
+        return Ok(());
+    };
+    Err(Error::Unsupported {
+        what: "error patches",
+        why: why.into(),
+    })
+}
+
+/// Refuses by name what of a model cannot be drawn as patches of a cut by error.
+pub(crate) fn check_patches_of(settings: &Settings, parts: DrawnParts<'_>) -> Result<(), Error> {
+    let facts = parts.facts();
+    let why = if settings.drawn_patches().is_none() {
+        return Ok(());
+    } else if parts.iter().any(|part| part.cut.is_some()) {
+        "pages of a paged file have no records of nodes; leave --error out"
+    } else if facts.has_textures {
+        "they show no images on surfaces; leave --error out"
+    } else if facts.kind.is_points() {
+        "only surfaces of triangles have patches; leave --error out"
+    } else {
+        return Ok(());
+    };
+    Err(Error::Unsupported {
+        what: "error patches",
         why: why.into(),
     })
 }
@@ -220,6 +262,7 @@ pub(crate) fn ids_refusal(
 ) -> Option<&'static str> {
     match Technique::of(settings) {
         _ if !settings.has_cut() => Some("methods without a cut have no lists"),
+        Technique::Polygons => Some("oriented polygons are records of their own"),
         Technique::Nothing | Technique::Filtered => {
             Some("filtered splats depend on the view, and the host makes them")
         }

@@ -24,7 +24,7 @@ impl Technique {
     pub(crate) fn of(settings: &Settings) -> Self {
         match settings.splat {
             _ if !settings.draws_splats() => Self::Nothing,
-            _ if settings.drawn_vertex_splats().is_some() => Self::Polygons,
+            _ if settings.drawn_polygons().is_some() => Self::Polygons,
             SplatKind::Filtered => Self::Filtered,
             SplatKind::Visibility => Self::Visibility,
             _ if settings.blend() != Blend::Opaque => Self::Fuzzy,

@@ -5,7 +5,6 @@ use crate::math::octahedral;
 use crate::oriented::look::VertexLook;
 use crate::oriented::splats::{SplatRules, splats_of};
 use crate::oriented::surface::WeldedSurface;
-use crate::render::Settings;
 use crate::render::model_facts::DrawnParts;
 use crate::tree::Model;
 use glam::DVec3;
@@ -19,12 +18,8 @@ pub(crate) struct VertexSplats {
 }
 
 impl VertexSplats {
-    /// Makes the splats of these parts unless they are there; none where settings ask for none.
-    pub(crate) fn update(&mut self, parts: DrawnParts<'_>, settings: &Settings) {
-        let Some(rules) = settings.drawn_vertex_splats() else {
-            *self = Self::default();
-            return;
-        };
+    /// Makes the splats of these parts unless they are there.
+    pub(crate) fn update(&mut self, parts: DrawnParts<'_>, rules: &SplatRules) {
         let key = Some((parts.id(), *rules));
         if self.key == key {
             return;

@@ -384,6 +384,7 @@ fn drawing(
             "What the size of a node on screen is (E)",
         );
     });
+    patches::show(ui, settings);
     let mut holds_cut = settings.cut_view.is_some();
     ui.add_enabled_ui(settings.has_cut(), |ui| {
         let tip = "Keep drawing what this view asks for, to look at it from elsewhere (Y)";
@@ -565,6 +566,7 @@ fn frame(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
 }
 
 mod lamp;
+mod patches;
 mod photographs;
 
 pub use photographs::{PhotographState, PhotographWish};

@@ -1,6 +1,8 @@
 //! Catalog of the golden cases: every technique, and for every executor whether it draws it or refuses it.
 
+use surfel::oriented::splats::SplatRules;
 use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
+use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::render::{
     Blend, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
 };
@@ -55,7 +57,7 @@ pub(crate) struct GoldenCase {
 }
 
 /// Cases that are kept of the scan as well, which has colors, an open surface, needles and triangles without area.
-const OF_SCAN: [&str; 13] = [
+const OF_SCAN: [&str; 14] = [
     "triangles",
     "pop-1",
     "pop-4",
@@ -63,6 +65,7 @@ const OF_SCAN: [&str; 13] = [
     "ellipse",
     "gauss",
     "disc-blended",
+    "patches",
     "splats",
     "filtered-1",
     "filtered-3",
@@ -196,6 +199,28 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
         .without(PictureExecutor::Hardware, ONE_PASS)
         .no_compute(ONE_PASS)
         .no_host(NOT_BLENDED),
+        with(case("patches", Pop, Square, 1.0), &|s| {
+            s.patches = Some(PatchRules::default());
+        })
+        .no_compute(OF_A_TREE),
+        with(case("patches-coarse", Pop, Square, 1.0), &|s| {
+            let tolerances = ErrorTolerances {
+                rim_px: 1.0,
+                inside_px: 2.0,
+                shade_levels: 64.0,
+            };
+            s.patches = Some(PatchRules {
+                tolerances,
+                is_strict: true,
+            });
+            s.light = lamp;
+        })
+        .by_orbit(NEAR)
+        .no_compute(OF_A_TREE),
+        with(case("from-vertices", Splats, Square, 1.0), &|s| {
+            s.vertex_splats = Some(SplatRules::default());
+        })
+        .no_compute(OF_A_TREE),
         case("splats", Splats, Square, 2.0).no_compute(OF_A_TREE),
         case("splats-gauss", Splats, Gauss, 2.0).no_host(NOT_BLENDED),
         with(case("primitive", Pop, Square, 2.5), &|s| {

@@ -22,8 +22,12 @@ pub enum AttributeFormat {
     Float2,
     /// Three floats.
     Float3,
+    /// Four floats.
+    Float4,
     /// Two signed normalized 16-bit integers.
     Snorm16x2,
+    /// Four signed normalized bytes.
+    Snorm8x4,
     /// Four unsigned normalized bytes.
     Unorm8x4,
 }
@@ -34,6 +38,8 @@ impl AttributeFormat {
             Self::Float => vk::Format::R32_SFLOAT,
             Self::Float2 => vk::Format::R32G32_SFLOAT,
             Self::Float3 => vk::Format::R32G32B32_SFLOAT,
+            Self::Float4 => vk::Format::R32G32B32A32_SFLOAT,
+            Self::Snorm8x4 => vk::Format::R8G8B8A8_SNORM,
             Self::Snorm16x2 => vk::Format::R16G16_SNORM,
             Self::Unorm8x4 => vk::Format::R8G8B8A8_UNORM,
         }
@@ -58,15 +64,28 @@ impl VertexRecord {
 }
 
 /// The [`VertexRecord`] of a structure: the fields that a shader reads, by the names of its inputs, with their formats; `in` says in
-/// which field they lie.
+/// which field they lie, and `at` how many bytes behind the start of that, where they have no name of their own.
 macro_rules! record {
-    ($of:ty { $($name:ident: $format:ident $(in $outer:ident)?),+ $(,)? }) => {
+    (@offset $of:ty, $name:ident) => {
+        std::mem::offset_of!($of, $name)
+    };
+    (@offset $of:ty, $name:ident in $outer:ident) => {
+        std::mem::offset_of!($of, $outer.$name)
+    };
+    (@offset $of:ty, $name:ident in $outer:ident at $bytes:literal) => {
+        std::mem::offset_of!($of, $outer) + $bytes
+    };
+    ($of:ty {
+        $($name:ident: $format:ident $(in $outer:ident $(at $bytes:literal)?)?),+ $(,)?
+    }) => {
         $crate::gpu::pipeline::VertexRecord {
             stride: size_of::<$of>() as u32,
             attributes: &[$($crate::gpu::pipeline::RecordAttribute {
                 name: stringify!($name),
                 format: $crate::gpu::pipeline::AttributeFormat::$format,
-                offset: std::mem::offset_of!($of, $($outer.)? $name) as u32,
+                offset: $crate::gpu::pipeline::record!(
+                    @offset $of, $name $(in $outer $(at $bytes)?)?
+                ) as u32,
             }),+],
         }
     };

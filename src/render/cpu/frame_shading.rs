@@ -7,14 +7,17 @@ use crate::abi::constants::{
     FLAG_CULLS_BACK, FLAG_ORTHOGRAPHIC, FLAG_PHONG, FLAG_TWO_SIDED, FLAG_USE_COLORS,
     FULL_HIGHLIGHT, LEAST_BACK,
 };
-use crate::abi::{FrameConstants, Splat};
+use crate::abi::{FrameConstants, OrientedPolygon, Splat};
 use crate::pack::{ALBEDO, falsecolor};
 use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 
 /// What splats are tinted with when coloring by primitive.
-const SPLAT_TINT: Vec3 = Vec3::new(1.0, 0.2, 0.2);
+pub(super) const SPLAT_TINT: Vec3 = Vec3::new(1.0, 0.2, 0.2);
 /// What triangles are tinted with then.
 pub(super) const TRIANGLE_TINT: Vec3 = Vec3::new(0.2, 0.35, 1.0);
+
+/// What patches of a cut by error are tinted with.
+pub(super) const PATCH_TINT: Vec3 = Vec3::new(0.25, 0.9, 0.35);
 
 /// Frames with any of these show more than the headlight.
 const OTHERS: u32 = FLAG_PHONG | FLAG_COLOR_BY_LEVEL | FLAG_COLOR_BY_NORMAL | FLAG_COLOR_BY_DEPTH;
@@ -120,15 +123,27 @@ impl FrameShading {
         ShadedPoint { color, normal }
     }
 
-    /// A point of an oriented polygon, in model space, under a normal of any length.
-    pub(super) fn of_polygon(&self, position: Vec3, normal: Vec3, color: Vec3) -> ShadedPoint {
+    /// A point of an oriented polygon, in the plane of which it has these coordinates.
+    pub(super) fn of_polygon(
+        &self,
+        polygon: &OrientedPolygon,
+        uv: [f32; 2],
+        tint: Vec3,
+    ) -> ShadedPoint {
+        let (position, normal) = (polygon.point(uv), polygon.normal_at(uv));
+        let (color, share) = (polygon.color_at(uv), polygon.light_share());
         let unit = unit_or_zero(normal);
         let color = if self.has_headlight() {
             let to_light = self.headlight.truncate() - position * self.headlight.w;
-            self.albedo(color, SPLAT_TINT) * self.lambert(normal, to_light)
+            self.albedo(color, tint) * self.lambert(normal, to_light) * share
         } else {
             let at = self.view_from_model.transform_point3(position);
-            self.other(at, self.turn * unit / self.model_scale, color, SPLAT_TINT)
+            let shown = self.other(at, self.turn * unit / self.model_scale, color, tint);
+            match self.has(FLAG_PHONG) {
+                // What comes from everywhere falls on a rough surface too.
+                true => (self.albedo(color, tint) * self.ambient).lerp(shown, share),
+                false => shown,
+            }
         };
         ShadedPoint {
             color,

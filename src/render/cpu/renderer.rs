@@ -3,7 +3,7 @@
 mod polygons;
 mod surfaces;
 
-use crate::abi::{FilteredSplat, FrameConstants, Splat};
+use crate::abi::{FilteredSplat, FrameConstants, OrientedPolygon, Splat};
 use crate::cut::CutSelector;
 use crate::image::Image;
 use crate::math::camera::View;
@@ -12,6 +12,7 @@ use crate::pack::ColorBy;
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::LargeTriangles;
 use crate::pack::splats::Plan;
+use crate::patches::PatchRaster;
 use crate::render::cpu::eye_dome::{DrawnRectangle, EyeDome};
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
@@ -32,7 +33,6 @@ use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::{CutAhead, FrameStage, KeptWork};
 use crate::render::technique::Technique;
-use crate::render::vertex_splats::VertexSplats;
 use crate::render::{Method, PictureOutputs, Settings, SplatKind};
 use crate::tree::Model;
 use bytemuck::Zeroable;
@@ -56,7 +56,9 @@ pub struct CpuRenderer {
     size: [u32; 2],
     selector: CutSelector,
     pub(super) cuts: PartCuts,
-    vertex_splats: VertexSplats,
+    patch_raster: PatchRaster,
+    /// Oriented polygons of the last frame that had any.
+    polygons: Vec<OrientedPolygon>,
     /// What the present cut was chosen for, and for which model; none where drawing changed it.
     chosen: Option<(u64, CutKey)>,
     /// What the last frame was of, where it may be kept.
@@ -100,7 +102,8 @@ impl CpuRenderer {
             size: [width, height],
             selector: CutSelector::default().with_subpixel_bits(SUBPIXEL_BITS),
             cuts: PartCuts::default(),
-            vertex_splats: VertexSplats::default(),
+            patch_raster: PatchRaster::default(),
+            polygons: Vec::new(),
             chosen: None,
             drawn: None,
             keeps_frames: false,
@@ -181,7 +184,7 @@ impl CpuRenderer {
         let mut times = FrameTimes::default();
         times.starts.frame = Some(start);
         let cutting = FrameStage::Cut.begin();
-        let is_kept = settings.has_cut() && !self.choose_cut(drawn, plan);
+        let is_kept = settings.has_lists() && !self.choose_cut(drawn, plan);
         let ahead = self.ahead.take().unwrap_or_default();
         if is_kept && !ahead.is_new {
             times.kept = KeptWork::Cut;
@@ -209,7 +212,7 @@ impl CpuRenderer {
         };
         let counts = match plan.technique {
             Technique::Filtered => self.draw_filtered(&frame, &mut pixels),
-            Technique::Polygons => self.draw_vertex_splats(&frame, &light, &mut pixels),
+            Technique::Polygons => self.draw_polygons(&frame, &light, &mut pixels),
             _ if self.needs_surfaces(settings) => self.draw_surfaces(&frame, &light, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };

@@ -28,11 +28,10 @@ pub fn unsupported_reason(
     } else {
         match Technique::of(settings) {
             Technique::Nothing => None,
-            Technique::Polygons => None,
-            Technique::Opaque if settings.footprint() == Footprint::Oriented => {
+            Technique::Opaque | Technique::Polygons if settings.footprint() == Footprint::Oriented => {
                 Some("it draws no discs in the plane of the surface; use --splat square or disc")
             }
-            Technique::Opaque => None,
+            Technique::Opaque | Technique::Polygons => None,
             Technique::Filtered if settings.threshold_px > LARGEST_SMALL_BLENDED_PX => {
                 Some("filtered splats of more than 16 pixels are a device's; use a lower threshold")
             }

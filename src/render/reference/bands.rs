@@ -61,6 +61,14 @@ struct PixelBand<'a, T> {
     pixels: &'a mut [T],
 }
 
+/// A pixel, and what a splat leaves in one.
+#[derive(Clone, Copy)]
+pub(super) struct OpaquePixel {
+    /// Reversed depth, as the device's depth buffer holds it; cleared to the far plane.
+    pub(super) depth: f32,
+    pub(super) shown: ShownPixel,
+}
+
 impl<T: Copy + Send> PixelRows<T> {
     /// A picture of the size of a view.
     pub(super) fn cleared(view: &View, to: T) -> Self {

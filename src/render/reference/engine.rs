@@ -1,6 +1,6 @@
 //! Whole frames by the reference: cut, pack, draw.
 
-use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};
+use crate::abi::{FilteredSplat, OrientedPolygon, Splat, Vertex, WeightedSplat};
 use crate::cut::{Cut, CutSelector};
 use crate::image::Image;
 use crate::math::camera::View;
@@ -15,13 +15,12 @@ use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, largest_splat_px, splat_plan};
 use crate::render::part_cuts::PartCuts;
 use crate::render::reference::eye_dome::darken;
-use crate::render::reference::{BlendPasses, HoleFilling, OverdrawList};
+use crate::render::reference::{BlendPasses, HoleFilling, OverdrawList, PolygonList};
 use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameStage;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::OverdrawSummary;
 use crate::render::technique::Technique;
-use crate::render::vertex_splats::VertexSplats;
 use crate::render::{Blend, Method, Settings, Shading, SplatKind};
 use crate::textures::{TextureImage, TexturePoint};
 use crate::tree::Model;
@@ -38,7 +37,6 @@ pub(in crate::render) struct MirrorEngine {
     subpixel_bits: u32,
     selector: CutSelector,
     cuts: PartCuts,
-    vertex_splats: VertexSplats,
     /// The picture of the last frame.
     pub(in crate::render) image: Image,
     /// Of the last frame, where overdraw was counted.
@@ -53,6 +51,7 @@ struct PackedLists<'m> {
     splats: Vec<Splat>,
     weighted: Vec<WeightedSplat>,
     filtered: Vec<FilteredSplat>,
+    polygons: Vec<OrientedPolygon>,
     /// Vertices of all models.
     vertices: Cow<'m, [Vertex]>,
     textures: Option<JoinedTextures>,
@@ -68,7 +67,6 @@ impl MirrorEngine {
             subpixel_bits,
             selector: CutSelector::default().with_subpixel_bits(subpixel_bits),
             cuts: PartCuts::default(),
-            vertex_splats: VertexSplats::default(),
             image: Image::default(),
             counts: None,
         }
@@ -105,7 +103,7 @@ impl MirrorEngine {
                 lists.triangles = joined_triangles(parts, all.collect());
             }
             Method::Points => lists.has_points = true,
-            Method::Splats | Method::Pop if settings.has_cut() => {
+            Method::Splats | Method::Pop => {
                 let cutting = FrameStage::Cut.begin();
                 let key_of =
                     |part: FactedModel<'_>| CutKey::of(settings, &part.facts.drawn(), view);
@@ -119,21 +117,10 @@ impl MirrorEngine {
                 times.counts.hidden = stats.hidden;
                 times.counts.between = stats.between;
             }
-            Method::Splats | Method::Pop => {
-                let packing = FrameStage::Pack.begin();
-                self.vertex_splats.update(parts, settings);
-                lists.triangles = self.triangles_beside_splats(parts);
-                packing.end(&mut times);
-            }
         }
         lists.vertices = joined_vertices(parts);
         lists.textures = JoinedTextures::of(parts);
         lists.count(&mut times.counts);
-        if Technique::of(settings) == Technique::Polygons {
-            let splats = self.vertex_splats.splats();
-            times.counts.splats = splats.len() as u64;
-            times.counts.draw_list_bytes += size_of_val(splats) as u64;
-        }
         self.draw_lists(&facts, view, settings, &style, &lists);
         if let Some(counts) = &self.counts {
             times.overdraw = Some(OverdrawSummary::of(counts.iter().copied()));
@@ -141,16 +128,6 @@ impl MirrorEngine {
         }
         times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         times
-    }
-
-    /// The triangles that are drawn beside splats from vertices.
-    fn triangles_beside_splats<'m>(&self, parts: DrawnParts<'m>) -> Cow<'m, [[u32; 3]]> {
-        let own = parts.iter().zip(self.vertex_splats.triangle_ids());
-        let corners = own.map(|(part, ids)| {
-            let of = |&id: &u32| part.model.triangles[id as usize];
-            Cow::Owned(ids.iter().map(of).collect())
-        });
-        joined_triangles(parts, corners.collect())
     }
 
     /// The draw lists of the cuts, one part after the other.
@@ -161,12 +138,15 @@ impl MirrorEngine {
         settings: &Settings,
         style: &Style,
     ) -> PackedLists<'m> {
-        let mut lists = PackedLists::default();
+        let mut lists = PackedLists {
+            polygons: self.cuts.polygons(parts, settings.color_by == ColorBy::Level),
+            ..PackedLists::default()
+        };
         let mut corners = Vec::new();
         for (part, cut) in parts.iter().zip(self.cuts.iter_mut()) {
             let model = part.model;
             match Technique::of(settings) {
-                Technique::Opaque | Technique::Visibility => {
+                Technique::Opaque | Technique::Visibility | Technique::Polygons => {
                     (lists.splats).append(&mut packed_splats(model, cut, view, settings));
                 }
                 Technique::Fuzzy => {
@@ -182,9 +162,10 @@ impl MirrorEngine {
                     splats.truncate(count);
                     lists.filtered.append(&mut splats);
                 }
-                Technique::Nothing | Technique::Polygons => {}
+                Technique::Nothing => {}
             }
-            if settings.method == Method::Pop {
+            let has_polygons = settings.drawn_polygons().is_some();
+            if settings.method == Method::Pop || has_polygons {
                 let of = |&id: &u32| model.triangles[id as usize];
                 corners.push(Cow::Owned(cut.triangles.iter().map(of).collect()));
             }
@@ -237,8 +218,11 @@ impl MirrorEngine {
                 OverdrawList::Opaque(&opaque),
             ),
             Technique::Polygons => {
-                let polygons = self.vertex_splats.splats();
-                let drawn = crate::render::reference::render_polygons(
+                let polygons = PolygonList {
+                    polygons: &lists.polygons,
+                    are_patches: self.cuts.has_patches(),
+                };
+                let drawn = crate::render::reference::render_with_polygons(
                     view, &opaque, polygons, style, outputs,
                 );
                 (drawn, OverdrawList::Opaque(&opaque))
@@ -285,7 +269,8 @@ impl PackedLists<'_> {
 
     /// What there is to draw, and the bytes that were written for it.
     fn count(&self, counts: &mut FrameCounts) {
-        counts.splats = (self.splats.len() + self.weighted.len() + self.filtered.len()) as u64;
+        let splats = self.splats.len() + self.weighted.len() + self.filtered.len();
+        counts.splats = (splats + self.polygons.len()) as u64;
         counts.triangles = self.triangles.len() as u64;
         counts.points = self.points().len() as u64;
         let triangles = match &self.triangles {
@@ -294,7 +279,8 @@ impl PackedLists<'_> {
         };
         let splats = size_of_val(&self.splats[..])
             + size_of_val(&self.weighted[..])
-            + size_of_val(&self.filtered[..]);
+            + size_of_val(&self.filtered[..])
+            + size_of_val(&self.polygons[..]);
         counts.draw_list_bytes = (splats + triangles) as u64;
     }
 }

@@ -40,9 +40,9 @@ mod visibility;
 
 pub use crate::render::reference::filtered::{FilteredRendering, render_filtered};
 pub use crate::render::reference::fuzzy::{BlendPasses, FuzzyRendering, render_fuzzy};
-pub use crate::render::reference::opaque::render;
+pub use crate::render::reference::opaque::{render, render_with_polygons};
 pub use crate::render::reference::overdraw::{OverdrawList, count_overdraw, show_overdraw};
-pub use crate::render::reference::polygons::render_polygons;
+pub use crate::render::reference::polygons::PolygonList;
 pub use crate::render::reference::visibility::{
     HoleFilling, PixelClass, VisibilityPixel, VisibilityRendering, render_visibility,
 };

@@ -5,20 +5,14 @@ use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::{DrawList, Footprint, Style};
 use crate::render::PictureOutputs;
-use crate::render::reference::bands::{PixelRows, ShownPixel, picture};
+use crate::render::reference::bands::{OpaquePixel, PixelRows, ShownPixel, picture};
 use crate::render::reference::disc::DiscFootprint;
 use crate::render::reference::frame::ReferenceFrame;
+use crate::render::reference::polygons;
+use crate::render::reference::polygons::PolygonList;
 use crate::render::reference::splat::{PlacedSplat, RasterSplat, SplatFootprint, splat_of_vertex};
 use crate::render::reference::square::SquareFootprint;
 use crate::render::reference::triangle;
-
-/// A pixel, and what a splat leaves in one.
-#[derive(Clone, Copy)]
-pub(super) struct OpaquePixel {
-    /// Reversed depth, as the device's depth buffer holds it; cleared to the far plane.
-    depth: f32,
-    shown: ShownPixel,
-}
 
 /// Draws `list` as `view` sees it: triangles, then splats, then points, with one depth test (nearer wins,
 /// first drawn wins ties).
@@ -34,6 +28,17 @@ pub(super) struct OpaquePixel {
 /// Cost: linear in primitives plus covered pixels, on all threads of the rayon pool; the picture does not
 /// depend on their number.
 pub fn render(view: &View, list: &DrawList, style: &Style, outputs: PictureOutputs) -> Image {
+    render_with_polygons(view, list, PolygonList::default(), style, outputs)
+}
+
+/// Draws a list as [`render`] does, and oriented polygons between its triangles and its splats.
+pub fn render_with_polygons(
+    view: &View,
+    list: &DrawList,
+    polygons: PolygonList<'_>,
+    style: &Style,
+    outputs: PictureOutputs,
+) -> Image {
     let frame = ReferenceFrame::new(view, style);
     let mut target = PixelRows::cleared(
         view,
@@ -59,6 +64,7 @@ pub fn render(view: &View, list: &DrawList, style: &Style, outputs: PictureOutpu
             }
         },
     );
+    polygons::draw(&frame, &mut target, polygons);
     let put = |pixel: &mut OpaquePixel, splat: &RasterSplat<OpaquePixel>, _rho_squared| {
         if splat.fragment.depth > pixel.depth {
             *pixel = splat.fragment;

@@ -1,25 +1,21 @@
-//! Oriented polygons and triangles: one depth test, the nearest wins. Each pixel intersects its ray with the plane, and is
-//! lit there.
+//! Oriented polygons: each pixel intersects its ray with the plane, and is lit there.
 
 use crate::abi::OrientedPolygon;
-use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::polygons::{PolygonSample, ScreenPolygon};
-use crate::pack::{DrawList, Style};
-use crate::render::PictureOutputs;
-use crate::render::reference::bands::{PixelCoverage, PixelRows, ShownPixel, picture};
+use crate::render::reference::bands::{OpaquePixel, PixelCoverage, PixelRows};
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::shade::{SurfaceKind, SurfacePoint, color_of};
-use crate::render::reference::triangle;
 use glam::{DVec2, Vec3};
 use std::ops::Range;
 
-/// A pixel, and what is nearest in it.
-#[derive(Clone, Copy)]
-struct PolygonPixel {
-    /// Reversed depth.
-    depth: f32,
-    shown: ShownPixel,
+/// Oriented polygons of a frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct PolygonList<'a> {
+    /// In the order in which they are drawn.
+    pub polygons: &'a [OrientedPolygon],
+    /// Patches of a cut by error; else splats from vertices.
+    pub are_patches: bool,
 }
 
 /// A polygon with the pixels that it may cover.
@@ -47,62 +43,42 @@ impl PixelCoverage for RasterPolygon {
     }
 }
 
-/// Draws triangles of `list`, then polygons, as [`render`](crate::render::reference::render) draws triangles: nearer wins,
-/// the first drawn wins ties. Polygons that face away are left out where back faces are.
-pub fn render_polygons(
-    view: &View,
-    list: &DrawList<'_>,
-    polygons: &[OrientedPolygon],
-    style: &Style,
-    outputs: PictureOutputs,
-) -> Image {
-    let frame = ReferenceFrame::new(view, style);
-    let mut target = PixelRows::cleared(
-        view,
-        PolygonPixel {
-            depth: 0.0,
-            shown: ShownPixel::background(style),
-        },
-    );
+/// Draws polygons where they are nearer than what is there. Those that face away are left out where back faces are.
+pub(super) fn draw(
+    frame: &ReferenceFrame<'_>,
+    target: &mut PixelRows<OpaquePixel>,
+    list: PolygonList<'_>,
+) {
+    let kind = match list.are_patches {
+        true => SurfaceKind::Patch,
+        false => SurfaceKind::Splat,
+    };
     target.draw(
-        list.triangles,
-        |corners| {
-            triangle::set_up(&frame, (list.vertices, list.textures), *corners, |v| {
-                frame.place(v.position)
-            })
-        },
-        |pixel, triangle, sample| {
-            if sample.depth > pixel.depth {
-                *pixel = PolygonPixel {
-                    depth: sample.depth,
-                    shown: frame.shading.shown(&triangle.surface(sample)),
-                };
-            }
-        },
-    );
-    target.draw(
-        polygons,
-        |polygon| set_up(&frame, polygon),
+        list.polygons,
+        |polygon| set_up(frame, polygon),
         |pixel, raster: &RasterPolygon, sample| {
             let distance = sample.distance as f32;
             let Some(placed) = frame.project(Vec3::new(0.0, 0.0, -distance)) else {
                 return;
             };
-            if placed.depth() > pixel.depth {
-                *pixel = PolygonPixel {
-                    depth: placed.depth(),
-                    shown: frame.shading.shown(&surface(&raster.polygon, sample)),
+            // What is widened is never out of the view.
+            let depth = match raster.seen.margin_px() > 0.0 {
+                true => placed.depth().max(f32::MIN_POSITIVE),
+                false => placed.depth(),
+            };
+            if depth > pixel.depth {
+                *pixel = OpaquePixel {
+                    depth,
+                    shown: frame.shading.shown(&surface(kind, &raster.polygon, sample)),
                 };
             }
         },
     );
-    let pixels = target.into_pixels();
-    picture(view, outputs, |i| pixels[i].shown)
 }
 
 /// A polygon; `None` where it covers no pixel or is left out.
 fn set_up(frame: &ReferenceFrame<'_>, polygon: &OrientedPolygon) -> Option<RasterPolygon> {
-    let view = frame.view;
+    let view: &View = frame.view;
     if frame.style.cull_back_faces && !polygon.faces(view) {
         return None;
     }
@@ -123,12 +99,17 @@ fn set_up(frame: &ReferenceFrame<'_>, polygon: &OrientedPolygon) -> Option<Raste
 }
 
 /// What of a polygon a pixel shows.
-fn surface(polygon: &OrientedPolygon, sample: PolygonSample) -> SurfacePoint {
+fn surface(kind: SurfaceKind, polygon: &OrientedPolygon, sample: PolygonSample) -> SurfacePoint {
+    let color = match polygon.color_slopes {
+        [[0, 0, 0, _], [0, 0, 0, _]] => color_of(polygon.color),
+        _ => polygon.color_at(sample.uv).as_dvec3(),
+    };
     SurfacePoint {
-        kind: SurfaceKind::Splat,
+        kind,
         position: polygon.point(sample.uv).as_dvec3(),
         normal: polygon.normal_at(sample.uv).as_dvec3().normalize_or_zero(),
-        color: color_of(polygon.color),
+        color,
+        light_share: polygon.light_share().into(),
         distance: sample.distance,
     }
 }

@@ -12,12 +12,14 @@ use glam::{DVec3, DVec4, Vec3};
 /// Tints of [`ColorBy::Primitive`].
 pub(super) const SPLAT_TINT: DVec3 = DVec3::new(1.0, 0.2, 0.2);
 pub(super) const TRIANGLE_TINT: DVec3 = DVec3::new(0.2, 0.35, 1.0);
+pub(super) const PATCH_TINT: DVec3 = DVec3::new(0.25, 0.9, 0.35);
 
 /// What is being shaded, for [`ColorBy::Primitive`].
 #[derive(Clone, Copy)]
 pub(super) enum SurfaceKind {
     Triangle,
     Splat,
+    Patch,
 }
 
 /// A point of a surface.
@@ -30,6 +32,8 @@ pub(super) struct SurfacePoint {
     pub(super) normal: DVec3,
     /// Value / 255.
     pub(super) color: DVec3,
+    /// Part of the light that the surface keeps, 0 to 1.
+    pub(super) light_share: f64,
     /// View-space distance.
     pub(super) distance: f64,
 }
@@ -42,6 +46,7 @@ impl SurfacePoint {
             position: splat.center.as_dvec3(),
             normal: normal_of(splat.normal, splat.color),
             color: color_of(splat.color),
+            light_share: 1.0,
             distance: f64::from(distance),
         }
     }
@@ -113,6 +118,7 @@ impl SurfaceShading {
             position,
             normal,
             color,
+            light_share,
             ..
         } = point;
         let to_light = toward(self.light, position);
@@ -121,7 +127,9 @@ impl SurfaceShading {
         let albedo = f64::from(ALBEDO);
         if let Some(phong) = &self.phong {
             let to_eye = toward(self.eye, position);
-            return self.in_lamp(phong, to_eye, to_light, normal, albedo * color);
+            let lit = self.in_lamp(phong, to_eye, to_light, normal, albedo * color);
+            let from_everywhere = albedo * color * f64::from(phong.ambient);
+            return from_everywhere * (1.0 - light_share) + lit * light_share;
         }
         let cosine = if normal == DVec3::ZERO {
             1.0
@@ -133,7 +141,7 @@ impl SurfaceShading {
                 cosine.max(0.0)
             }
         };
-        albedo * cosine * color
+        albedo * cosine * color * light_share
     }
 
     /// What is shown without light.
@@ -143,7 +151,7 @@ impl SurfaceShading {
                 ColorBy::Shading | ColorBy::Primitive | ColorBy::Classification | ColorBy::Overdraw,
                 _,
             ) => return None,
-            (ColorBy::Level, SurfaceKind::Splat) => return Some(point.color),
+            (ColorBy::Level, SurfaceKind::Splat | SurfaceKind::Patch) => return Some(point.color),
             (ColorBy::Level, SurfaceKind::Triangle) => falsecolor::ramp(falsecolor::LEAF),
             // (n + 1) / 2, in single precision.
             (ColorBy::Normal, _) => (point.normal.as_vec3() * 0.5 + Vec3::splat(0.5)).to_array(),
@@ -161,6 +169,7 @@ impl SurfaceShading {
         match (self.color_by, kind) {
             (ColorBy::Primitive, SurfaceKind::Triangle) => TRIANGLE_TINT,
             (ColorBy::Primitive, SurfaceKind::Splat) => SPLAT_TINT,
+            (ColorBy::Primitive, SurfaceKind::Patch) => PATCH_TINT,
             (ColorBy::Shading, _) if self.use_colors => color,
             _ => DVec3::ONE,
         }

@@ -245,6 +245,7 @@ impl RasterTriangle<'_> {
             position: pa * a.position + pb * b.position + pc * c.position,
             color: color.unwrap_or(pa * a.color + pb * b.color + pc * c.color),
             normal: (pa * a.normal + pb * b.normal + pc * c.normal).normalize_or_zero(),
+            light_share: 1.0,
             distance: pa * a.distance + pb * b.distance + pc * c.distance,
         }
     }

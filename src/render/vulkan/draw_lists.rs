@@ -3,11 +3,12 @@
 
 mod triangles;
 
-use crate::abi::{FilteredSplat, FuzzySplat, Splat, SplatId, WeightedSplat};
+use crate::abi::{FilteredSplat, FuzzySplat, OrientedPolygon, Splat, SplatId, WeightedSplat};
 use crate::cut::CutStats;
 use crate::gpu::buffer::{AnyBuffer, UploadBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
+use crate::pack::ColorBy;
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::CornerScreen;
 use crate::pack::splats;
@@ -38,6 +39,8 @@ pub(super) struct DrawLists {
     /// Triangles that stay such where others become samples.
     rest: small_triangles::LargeTriangles,
     rest_ids: Vec<u32>,
+    /// Oriented polygons.
+    pub(super) polygons: UploadBuffer,
     /// What the device makes of numbers.
     whole: Option<ExpandedLists>,
     /// None before the first frame, and after one that failed.
@@ -59,6 +62,8 @@ pub(super) struct PackedFrame {
     /// Of all triangles.
     pub(super) index_bytes: u64,
     pub(super) triangles: usize,
+    /// Oriented polygons.
+    pub(super) polygons: usize,
     pub(super) selection: PassSelection,
     /// What was packed are numbers, of which the device makes what is drawn.
     pub(super) are_ids: bool,
@@ -81,6 +86,12 @@ pub(super) struct PackInput<'a> {
     pub(super) selection: PassSelection,
 }
 
+impl PackedFrame {
+    fn polygon_bytes(&self) -> u64 {
+        (self.polygons * size_of::<OrientedPolygon>()) as u64
+    }
+}
+
 impl DrawLists {
     /// # Errors
     /// When memory runs out.
@@ -95,6 +106,7 @@ impl DrawLists {
             small_runs: Vec::new(),
             rest: small_triangles::LargeTriangles::new(),
             rest_ids: Vec::new(),
+            polygons: list("polygons")?,
             whole: None,
             held: None,
         })
@@ -126,6 +138,10 @@ impl DrawLists {
             ..
         } = *input;
         let are_ids = self.are_ids(gpu, input, cuts)?;
+        let polygons = cuts.polygon_count();
+        let out = records::<OrientedPolygon>(gpu, &mut self.polygons, polygons)?;
+        let is_by_level = plan.settings.color_by == ColorBy::Level;
+        cuts.write_polygons(parts, is_by_level, &mut out[..polygons]);
         let written = self.pack_splats(gpu, input, cuts, are_ids)?;
         let primitives = plan.primitives;
         // Of those that are left after samples most are large.
@@ -175,6 +191,7 @@ impl DrawLists {
                 true => cuts.triangle_count(),
                 false => 0,
             },
+            polygons,
             selection,
             are_ids,
             is_made: false,
@@ -356,10 +373,10 @@ impl DrawLists {
             nodes_visited: held.stats.visited,
             hidden: held.stats.hidden,
             between: held.stats.between,
-            splats: splats as u64,
+            splats: (splats + held.polygons) as u64,
             triangles: held.triangles as u64,
             points: 0,
-            draw_list_bytes: held.splat_bytes + held.index_bytes,
+            draw_list_bytes: held.splat_bytes + held.index_bytes + held.polygon_bytes(),
         }
     }
 
@@ -368,6 +385,7 @@ impl DrawLists {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
         self.indices.flush(0..held.index_bytes);
+        self.polygons.flush(0..held.polygon_bytes());
         if held.selection.takes_triangles {
             self.small.flush(0..held.index_bytes);
         }

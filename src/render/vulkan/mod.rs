@@ -46,3 +46,22 @@ pub(crate) const SPLAT: VertexRecord = record!(crate::abi::Splat {
     normal: Snorm16x2,
     color: Unorm8x4,
 });
+
+/// [`crate::abi::OrientedPolygon`] as pipelines see it.
+pub(crate) const POLYGON: VertexRecord = record!(crate::abi::OrientedPolygon {
+    center: Float3,
+    round_radius: Float,
+    normal: Float3,
+    thickness: Float,
+    axis: Float3,
+    corners_0: Float4 in corners at 0,
+    corners_2: Float4 in corners at 16,
+    corners_4: Float4 in corners at 32,
+    corners_6: Float4 in corners at 48,
+    shading_normal: Float3,
+    color: Unorm8x4,
+    shape_operator: Float3,
+    spread: Float,
+    slopes_u: Snorm8x4 in color_slopes at 0,
+    slopes_v: Snorm8x4 in color_slopes at 4,
+});

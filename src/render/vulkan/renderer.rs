@@ -43,6 +43,7 @@ use crate::render::vulkan::expand_ids::IdExpansion;
 use crate::render::vulkan::look::PictureLooks;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
+use crate::render::vulkan::opaque::polygons::PolygonPasses;
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::photos::DevicePhotos;
 use crate::render::vulkan::scene::DeviceScene;
@@ -122,6 +123,8 @@ pub struct VulkanRenderer {
     spare_triangles: Vec<(TriangleVariant, ShaderPipeline)>,
     /// One for each variant that was drawn, those drawn last.
     splats: Vec<OpaqueSplats>,
+    polygons: Option<PolygonPasses>,
+    spare_polygons: Vec<PolygonPasses>,
     small: Option<ComputeRasterizer>,
     filtered: Option<FilteredPasses>,
     spare_filtered: Vec<FilteredPasses>,
@@ -209,6 +212,8 @@ impl VulkanRenderer {
             triangles: None,
             spare_triangles: Vec::new(),
             splats: Vec::new(),
+            polygons: None,
+            spare_polygons: Vec::new(),
             small: None,
             filtered: None,
             spare_filtered: Vec::new(),

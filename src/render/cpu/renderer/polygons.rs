@@ -1,11 +1,13 @@
-//! Splats from vertices, as oriented polygons, beside triangles; and which triangles a frame draws.
+//! Oriented polygons beside triangles and splats; and which triangles a frame draws.
 
 use crate::abi::OrientedPolygon;
+use crate::pack::ColorBy;
 use crate::pack::parallel;
 use crate::pack::polygons::ScreenPolygon;
+use crate::patches::PatchRaster;
 use crate::render::Method;
 use crate::render::cpu::float_planes::word_of;
-use crate::render::cpu::frame_shading::FrameShading;
+use crate::render::cpu::frame_shading::{FrameShading, PATCH_TINT, SPLAT_TINT, ShadedPoint};
 use crate::render::cpu::opaque;
 use crate::render::cpu::picture::PixelWords;
 use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
@@ -13,7 +15,7 @@ use crate::render::cpu::triangles::Light;
 use crate::render::model_facts::FactedModel;
 use crate::render::technique::Technique;
 use crate::tree::Model;
-use glam::{DVec2, Vec3};
+use glam::DVec2;
 
 /// Rows that a thread takes.
 const BAND_PX: usize = 16;
@@ -22,7 +24,6 @@ const BAND_PX: usize = 16;
 struct SeenPolygon<'p> {
     polygon: &'p OrientedPolygon,
     seen: ScreenPolygon,
-    color: Vec3,
 }
 
 /// Rows of the rectangle that is drawn in.
@@ -42,13 +43,10 @@ impl CpuRenderer {
             let all = |part: FactedModel<'_>| (0..part.model.triangles.len() as u32).collect();
             self.triangle_ids = frame.drawn.iter().map(all).collect();
         }
-        if frame.plan.technique == Technique::Polygons {
-            self.triangle_ids = self.vertex_splats.triangle_ids().to_vec();
-        }
-        let ids: Vec<&[u32]> = match frame.settings.method {
-            Method::Pop if !samples_triangles => {
-                self.cuts.iter().map(|cut| &*cut.triangles).collect()
-            }
+        let is_cut = frame.settings.method == Method::Pop
+            || frame.plan.technique == Technique::Polygons;
+        let ids: Vec<&[u32]> = match is_cut {
+            true if !samples_triangles => self.cuts.iter().map(|cut| &*cut.triangles).collect(),
             _ => self.triangle_ids.iter().map(|ids| &**ids).collect(),
         };
         self.triangles_given = ids.iter().map(|ids| ids.len()).sum();
@@ -59,21 +57,27 @@ impl CpuRenderer {
         debug_assert!(is_lit, "there is a light");
     }
 
-    /// Triangles, then splats from vertices; all with one depth test.
-    pub(super) fn draw_vertex_splats(
+    /// Triangles and splats, then oriented polygons; all with one depth test.
+    pub(super) fn draw_polygons(
         &mut self,
         frame: &CpuFrame<'_>,
         light: &opaque::Light,
         pixels: &mut PixelWords<'_>,
     ) -> DrawnCounts {
-        self.vertex_splats.update(frame.drawn, frame.settings);
         let counts = if self.needs_surfaces(frame.settings) {
             self.draw_surfaces(frame, light, pixels)
         } else {
             self.draw_opaque(frame, light, pixels)
         };
-        let splats = self.vertex_splats.splats();
-        let seen = seen_polygons(splats, frame);
+        let is_by_level = frame.settings.color_by == ColorBy::Level;
+        let polygons = &mut self.polygons;
+        self.cuts
+            .put_polygons(frame.drawn, is_by_level, polygons);
+        let polygons = &*polygons;
+        let are_patches = self.cuts.has_patches();
+        if are_patches {
+            self.patch_raster.draw(polygons, frame.view);
+        }
         let [left, top, right, bottom] = frame.context.rect_px.map(|edge| edge as usize);
         let width = right.saturating_sub(left);
         if width > 0 && bottom > top {
@@ -101,15 +105,24 @@ impl CpuRenderer {
                 let last = clip[3][3] - clip[2][3] * distance;
                 (clip[3][2] - clip[2][2] * distance) / last
             };
+            let seen = match are_patches {
+                true => Vec::new(),
+                false => seen_polygons(polygons, frame),
+            };
+            let raster = &self.patch_raster;
             parallel::share(width * (bottom - top), bands.into_iter(), |mut band| {
+                if are_patches {
+                    let patches = (raster, &polygons[..]);
+                    band.show(patches, [left, width, pitch], &shading, depth_of);
+                }
                 for one in &seen {
                     band.draw(one, [left, width, pitch], &shading, depth_of);
                 }
             });
         }
         DrawnCounts {
-            splats: splats.len(),
-            list_bytes: counts.list_bytes + size_of_val(splats) as u64,
+            splats: counts.splats + polygons.len(),
+            list_bytes: counts.list_bytes + size_of_val(&polygons[..]) as u64,
             ..counts
         }
     }
@@ -121,11 +134,9 @@ fn seen_polygons<'p>(splats: &'p [OrientedPolygon], frame: &CpuFrame<'_>) -> Vec
     (splats.iter())
         .filter(|polygon| !is_culled || polygon.faces(frame.view))
         .filter_map(|polygon| {
-            let [red, green, blue, _] = polygon.color.map(|c| f32::from(c) / 255.0);
             Some(SeenPolygon {
                 polygon,
                 seen: ScreenPolygon::of(polygon, frame.view)?,
-                color: Vec3::new(red, green, blue),
             })
         })
         .collect()
@@ -165,23 +176,55 @@ impl PolygonBand<'_> {
                 };
                 let depth = depth_of(sample.distance as f32).clamp(0.0, 1.0);
                 let (row, column) = (y - self.top, x - left);
-                let here = row * width + column;
-                if depth <= self.depths[here] {
-                    continue;
-                }
-                self.depths[here] = depth;
-                let position = one.polygon.point(sample.uv);
-                let normal = one.polygon.normal_at(sample.uv);
-                let point = shading.of_polygon(position, normal, one.color);
-                let value = point.color.extend(1.0);
-                self.colors[row * pitch + column] = word_of(value);
-                if let Some(own) = self.values.get_mut(here) {
-                    *own = value.to_array();
-                }
-                if let Some(own) = self.normals.get_mut(here) {
-                    *own = point.normal.to_array();
+                if self.wins(row * width + column, depth) {
+                    let point = shading.of_polygon(one.polygon, sample.uv, SPLAT_TINT);
+                    self.put([row * width, row * pitch].map(|from| from + column), point);
                 }
             }
+        }
+    }
+
+    /// Shows the patches of a picture where they are nearest.
+    fn show(
+        &mut self,
+        (raster, patches): (&PatchRaster, &[OrientedPolygon]),
+        [left, width, pitch]: [usize; 3],
+        shading: &FrameShading,
+        depth_of: impl Fn(f32) -> f32,
+    ) {
+        for row in 0..self.depths.len() / width {
+            let found = raster.row(patches, (self.top + row) as u32, left as u32);
+            for (column, pixel) in found.take(width).enumerate() {
+                let Some(pixel) = pixel else { continue };
+                // Nothing that is widened is out of the view.
+                let depth = depth_of(pixel.distance).clamp(f32::MIN_POSITIVE, 1.0);
+                if self.wins(row * width + column, depth) {
+                    let patch = &patches[pixel.id as usize];
+                    let point = shading.of_polygon(patch, pixel.uv, PATCH_TINT);
+                    self.put([row * width, row * pitch].map(|from| from + column), point);
+                }
+            }
+        }
+    }
+
+    /// Whether a depth is nearer than what is there; it stays then.
+    fn wins(&mut self, here: usize, depth: f32) -> bool {
+        let is_nearer = depth > self.depths[here];
+        if is_nearer {
+            self.depths[here] = depth;
+        }
+        is_nearer
+    }
+
+    /// Writes a point, at a place among depths and one among words.
+    fn put(&mut self, [here, word]: [usize; 2], point: ShadedPoint) {
+        let value = point.color.extend(1.0);
+        self.colors[word] = word_of(value);
+        if let Some(own) = self.values.get_mut(here) {
+            *own = value.to_array();
+        }
+        if let Some(own) = self.normals.get_mut(here) {
+            *own = point.normal.to_array();
         }
     }
 }

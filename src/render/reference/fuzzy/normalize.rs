@@ -116,6 +116,7 @@ impl FuzzySums<'_> {
             position: to_model.transform_point3(in_view),
             normal: in_world(view, pixel.normal),
             color: base,
+            light_share: 1.0,
             distance,
         })
     }

@@ -175,7 +175,7 @@ pub(super) fn share(frame: &ReferenceFrame, point: &SurfacePoint) -> FragmentSha
     }
     let color = match (style.color_by, point.kind) {
         (ColorBy::Primitive, SurfaceKind::Triangle) => TRIANGLE_TINT,
-        (ColorBy::Primitive, SurfaceKind::Splat) => SPLAT_TINT,
+        (ColorBy::Primitive, SurfaceKind::Splat | SurfaceKind::Patch) => SPLAT_TINT,
         _ => point.color,
     };
     let cosine = in_view.dot(frame.to_eye(view.transform_point3(point.position)));

@@ -45,7 +45,7 @@ pub(crate) struct OpaqueSplats {
 impl OpaqueSplats {
     /// What `settings` need in frames of these flags.
     pub(crate) fn variant_of(settings: &Settings, flags: u32) -> OpaqueVariant {
-        let source = if settings.has_cut() {
+        let source = if settings.has_lists() {
             SplatSource::List
         } else {
             SplatSource::Vertices

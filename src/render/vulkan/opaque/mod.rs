@@ -1,6 +1,7 @@
-//! Opaque splats and triangles: the nearest wins, by the hardware rasterizer or by compute.
+//! Opaque splats, polygons and triangles: the nearest wins, by the hardware rasterizer or by compute.
 
 pub(crate) mod compute;
 pub(crate) mod compute_variant;
 pub mod hardware;
+pub(crate) mod polygons;
 pub mod triangle_runs;

@@ -1,6 +1,7 @@
 //! Frames of the methods that draw a cut: its draw lists are written into mapped memory, then drawn.
 
 use crate::gpu::Error;
+use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, FrameTicket, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::pack::{ColorBy, Footprint};
@@ -22,6 +23,7 @@ use crate::render::vulkan::expand_ids;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
+use crate::render::vulkan::opaque::polygons::PolygonPasses;
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
@@ -158,6 +160,7 @@ impl VulkanRenderer {
             targets: &self.targets,
             triangles: self.triangles.as_ref().map(|(_, pipeline)| pipeline),
             opaque: self.splats.iter().find(|s| s.variant == variant),
+            polygons: self.polygons.as_ref(),
             small: self.small.as_ref(),
             fuzzy: self.fuzzy.as_ref(),
             filtered: self.filtered.as_ref(),
@@ -195,6 +198,7 @@ struct CutPasses<'a> {
     targets: &'a FrameTargets,
     triangles: Option<&'a ShaderPipeline>,
     opaque: Option<&'a OpaqueSplats>,
+    polygons: Option<&'a PolygonPasses>,
     small: Option<&'a ComputeRasterizer>,
     fuzzy: Option<&'a FuzzyPasses>,
     filtered: Option<&'a FilteredPasses>,
@@ -212,7 +216,7 @@ impl<'a> CutPasses<'a> {
         let (targets, context) = (self.targets, &plan.context);
         let raster = self.raster();
         match (plan.technique, self.fuzzy, self.filtered, self.visibility) {
-            (Technique::Opaque, ..) => self.record_opaque(frame, constants)?,
+            (Technique::Opaque | Technique::Polygons, ..) => self.record_opaque(frame, constants)?,
             (Technique::Fuzzy, Some(fuzzy), ..) => {
                 let placed = self.held.placed;
                 let list = fuzzy::FuzzyLists {
@@ -292,9 +296,16 @@ impl<'a> CutPasses<'a> {
         let (targets, context) = (self.targets, &plan.context);
         let has_small = small.is_some() && !small_list.is_empty();
         let has_splats = !records.is_empty();
-        let has_triangles = !lists.runs.is_empty() || !(has_small || has_splats);
+        let polygons = self.polygons.filter(|_| held.polygons > 0);
+        // Polygons clear nothing.
+        let is_first_of_many = has_small || has_splats;
+        let has_triangles = !lists.runs.is_empty() || polygons.is_some() || !is_first_of_many;
         if has_triangles {
             triangle_runs::record_triangles(frame, pipeline, targets, &list, context, constants);
+        }
+        if let Some(polygons) = polygons {
+            let list: (&dyn AnyBuffer, usize) = (&lists.polygons, held.polygons);
+            polygons.record(frame, targets, list, context, constants);
         }
         if let Some(small) = small {
             let context = (context, !has_triangles);

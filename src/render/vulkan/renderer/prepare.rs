@@ -15,6 +15,7 @@ use crate::render::vulkan::expand_ids::IdExpansion;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::{OpaqueSplats, SplatSource};
+use crate::render::vulkan::opaque::polygons::{PolygonKind, PolygonPasses};
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
@@ -35,7 +36,8 @@ impl VulkanRenderer {
         parts: DrawnParts<'_>,
         scene: &mut DeviceScene,
     ) -> Result<(), Error> {
-        let method = plan.settings.method;
+        let settings = &plan.settings;
+        let method = settings.method;
         if method == Method::Triangles {
             scene.ensure_indices(parts)?;
         }
@@ -44,11 +46,20 @@ impl VulkanRenderer {
                 part.facts.undrawn(part.model);
             });
         }
+        if settings.drawn_patches().is_some() {
+            parts.iter().for_each(|part| {
+                part.facts.patches(part.model);
+            });
+        }
         if method != Method::Points {
             self.prepare_triangles(plan, parts, scene)?;
         }
         match plan.technique {
-            Technique::Nothing | Technique::Polygons => {}
+            Technique::Nothing => {}
+            Technique::Polygons => {
+                self.prepare_opaque(plan)?;
+                self.prepare_polygons(plan)?;
+            }
             Technique::Opaque => self.prepare_opaque(plan)?,
             Technique::Visibility => self.prepare_visibility(plan)?,
             Technique::Fuzzy => self.prepare_fuzzy(plan)?,
@@ -110,6 +121,19 @@ impl VulkanRenderer {
             }
             let made = OpaqueSplats::new(&self.gpu, variant, &self.targets)?;
             self.splats.push(made);
+        }
+        Ok(())
+    }
+
+    fn prepare_polygons(&mut self, plan: &FramePlan) -> Result<(), Error> {
+        let Some(kind) = plan.settings.drawn_polygons().map(PolygonKind::of) else {
+            return Ok(());
+        };
+        let variant = (kind, plan.constants.flags);
+        let spare = &mut self.spare_polygons;
+        exchange(&mut self.polygons, spare, |made| made.variant == variant);
+        if self.polygons.is_none() {
+            self.polygons = Some(PolygonPasses::new(&self.gpu, variant, &self.targets)?);
         }
         Ok(())
     }

@@ -89,7 +89,7 @@ fn first_pass(
             vertex,
             fragment: Some(match topology {
                 PrimitiveTopology::Triangles => shaders::VISIBILITY_TRIANGLES_FRAG.of(normals),
-                PrimitiveTopology::Points | PrimitiveTopology::Quads => {
+                PrimitiveTopology::Points | PrimitiveTopology::Quads | PrimitiveTopology::Fans => {
                     shaders::VISIBILITY_SPLATS_FRAG.of(normals)
                 }
             }),

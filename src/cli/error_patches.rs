@@ -1,0 +1,85 @@
+//! The options of patches: nodes that are drawn as one polygon once their error is small.
+
+use super::{Failure, usage};
+use clap::{Args as ClapArgs, ValueEnum};
+use surfel::patches::{ErrorTolerances, PatchRules};
+use surfel::render::Method;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ErrorBoundName {
+    /// On average over what a node stands for
+    Mean,
+    /// At every vertex
+    Strict,
+}
+
+/// Which nodes are drawn as patches.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct ErrorArgs {
+    /// Of pop: draw a node as one polygon, whatever its size, once it is wrong by less: pixels at silhouettes, pixels elsewhere,
+    /// grey levels of its shade; as 0.15,0.25,24. Their records take seconds a million triangles, and 61 bytes a triangle
+    #[arg(long, value_name = "RIM,INSIDE,SHADE", value_parser = parse_error, allow_hyphen_values = true)]
+    error: Option<ErrorTolerances>,
+    /// How the shade keeps to its part of --error
+    #[arg(long, value_enum, default_value = "mean")]
+    bound: ErrorBoundName,
+}
+
+impl ErrorArgs {
+    /// The rules; `None` where none are given.
+    pub(crate) fn rules(&self, method: Method) -> Result<Option<PatchRules>, Failure> {
+        let Some(tolerances) = self.error else {
+            return match self.bound {
+                ErrorBoundName::Mean => Ok(None),
+                ErrorBoundName::Strict => Err(usage("--bound is one of --error; give both")),
+            };
+        };
+        if method != Method::Pop {
+            return Err(usage(
+                "--error chooses nodes of the tree; use it with --method pop",
+            ));
+        }
+        Ok(Some(PatchRules {
+            tolerances,
+            is_strict: self.bound == ErrorBoundName::Strict,
+        }))
+    }
+}
+
+/// Three numbers; negative ones and zeros draw no patch.
+pub(crate) fn parse_error(text: &str) -> Result<ErrorTolerances, String> {
+    let numbers: Option<Vec<f32>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok())
+        .collect();
+    match numbers.as_deref() {
+        Some(&[rim_px, inside_px, shade_levels])
+            if [rim_px, inside_px, shade_levels]
+                .iter()
+                .all(|value| value.is_finite()) =>
+        {
+            Ok(ErrorTolerances {
+                rim_px,
+                inside_px,
+                shade_levels,
+            })
+        }
+        _ => Err(
+            "three numbers are wanted: pixels at silhouettes, pixels elsewhere, grey levels".into(),
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tolerances_are_three_numbers() {
+        let found = parse_error("0.1, 0.5,-1").map(|t| [t.rim_px, t.inside_px, t.shade_levels]);
+        assert_eq!(found, Ok([0.1, 0.5, -1.0]));
+        for bad in ["", "1,2", "1,2,x", "1,2,inf", "1,2,3,4"] {
+            assert!(parse_error(bad).is_err(), "{bad}");
+        }
+    }
+}

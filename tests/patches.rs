@@ -1,0 +1,254 @@
+//! Patches of a cut by error, in whole frames: every backend draws what the reference draws, closed models have no holes, and
+//! without tolerances pictures are those of the cut by size.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::{Device, generated, orbit, scans};
+use surfel::generate::GeneratedShape;
+use surfel::image::Image;
+use surfel::math::camera::View;
+use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::patches::{ErrorTolerances, PatchRules};
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::{Culling, Method, Path, PictureOutputs, Settings, SplatKind};
+use surfel::tree::Model;
+
+const SIZE: (u32, u32) = (200, 160);
+
+fn rules(rim_px: f32, inside_px: f32, shade_levels: f32) -> PatchRules {
+    PatchRules {
+        tolerances: ErrorTolerances {
+            rim_px,
+            inside_px,
+            shade_levels,
+        },
+        is_strict: false,
+    }
+}
+
+fn settings(rules: PatchRules) -> Settings {
+    Settings {
+        patches: Some(rules),
+        ..Settings::default()
+    }
+}
+
+fn engine<'m>(backend: &Backend, model: &'m Model) -> Engine<'m> {
+    let outputs = PictureOutputs {
+        depth: true,
+        normal: true,
+        ..PictureOutputs::default()
+    };
+    Engine::new(backend, model, SIZE, outputs).unwrap()
+}
+
+/// Pixels that differ by more than 3 levels, in coverage, or by more than a thousandth of the distance.
+fn differing(a: &Image, b: &Image) -> usize {
+    let differs = |i: &usize| {
+        let (p, q) = (a.color[*i], b.color[*i]);
+        let levels = (0..3).any(|k| p[k].abs_diff(q[k]) > 3);
+        let [near, far] = [a.depth[*i], b.depth[*i]];
+        levels || p[3] != q[3] || (near - far).abs() > 1e-3 * near.min(far)
+    };
+    (0..a.color.len()).filter(differs).count()
+}
+
+/// Pixels that `exact` covers and `image` does not.
+fn holes(exact: &Image, image: &Image) -> usize {
+    let both = exact.color.iter().zip(&image.color);
+    both.filter(|(exact, own)| exact[3] > 0 && own[3] == 0)
+        .count()
+}
+
+fn models() -> Vec<(&'static str, Model)> {
+    let mut models = vec![
+        ("sphere", generated(GeneratedShape::Sphere, 20_000)),
+        ("torus", generated(GeneratedShape::Torus, 20_000)),
+        ("statue", generated(GeneratedShape::Statue, 30_000)),
+    ];
+    models.push(("scan", scans(&[]).remove(0).1));
+    models
+}
+
+fn views(model: &Model) -> [View; 3] {
+    [(30.0, 20.0, 1.0), (200.0, -40.0, 0.4), (100.0, 70.0, 2.5)]
+        .map(|(azimuth, elevation, fill)| orbit(model, SIZE, azimuth, elevation, fill))
+}
+
+/// In every light and color.
+fn looks(rules: PatchRules) -> [Settings; 5] {
+    let usual = settings(rules);
+    [
+        usual,
+        Settings {
+            light: Lighting::Phong(Phong::default()),
+            ..usual
+        },
+        Settings {
+            color_by: ColorBy::Normal,
+            culling: Culling::Off,
+            ..usual
+        },
+        Settings {
+            color_by: ColorBy::Primitive,
+            ..usual
+        },
+        Settings {
+            color_by: ColorBy::Level,
+            splat: SplatKind::Disc,
+            ..usual
+        },
+    ]
+}
+
+fn assert_as_reference(backend: &Backend) {
+    for (name, model) in models() {
+        let (mut own, mut reference) = (engine(backend, &model), engine(&Backend::Mirror, &model));
+        for view in views(&model) {
+            for look in looks(rules(0.25, 0.5, 32.0)) {
+                let times = own.draw(&view, &look).unwrap();
+                assert!(times.counts.splats > 50, "{name}: {:?}", times.counts);
+                let image = own.read(&view).unwrap();
+                let exact = reference.render(&view, &look).unwrap();
+                let covered = exact.color.iter().filter(|c| c[3] > 0).count();
+                let count = differing(&exact, &image);
+                // Margins end square here and round in the reference, and where two patches are equally near the last bit
+                // of a depth decides.
+                assert!(
+                    count * 40 < covered,
+                    "{name}, {:?}: {count} of {covered}",
+                    look.color_by
+                );
+                assert!(holes(&exact, &image) <= 2, "{name}: {}", holes(&exact, &image));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_processor_draws_what_the_reference_draws() {
+    assert_as_reference(&Backend::Cpu);
+}
+
+#[test]
+fn a_device_draws_what_the_reference_draws() {
+    let Some(device) = Device::open() else { return };
+    assert_as_reference(&Backend::Vulkan(device.gpu().clone()));
+}
+
+/// Every pixel of the exact picture is covered, on all backends, from near and far.
+#[test]
+fn closed_models_have_no_holes() {
+    let device = Device::open();
+    let mut backends = vec![Backend::Mirror, Backend::Cpu];
+    backends.extend(device.iter().map(|d| Backend::Vulkan(d.gpu().clone())));
+    let triangles = Settings {
+        method: Method::Triangles,
+        ..Settings::default()
+    };
+    for (name, model) in models().into_iter().take(3) {
+        let mut exact = engine(&Backend::Mirror, &model);
+        let mut engines: Vec<_> = backends.iter().map(|b| engine(b, &model)).collect();
+        for round in 0..12 {
+            let turn = f64::from(round);
+            let fill = [0.3, 1.0, 3.0][round as usize % 3];
+            let view = orbit(&model, SIZE, 47.0 * turn, 80.0 * turn.sin(), fill);
+            let whole = exact.render(&view, &triangles).unwrap();
+            for engine in &mut engines {
+                let own = engine
+                    .render(&view, &settings(rules(0.5, 1.0, 60.0)))
+                    .unwrap();
+                assert_eq!(holes(&whole, &own), 0, "{name}, view {round}");
+            }
+        }
+    }
+}
+
+#[test]
+fn without_tolerances_no_bit_changes() {
+    let device = Device::open();
+    let mut backends = vec![Backend::Mirror, Backend::Cpu];
+    backends.extend(device.iter().map(|d| Backend::Vulkan(d.gpu().clone())));
+    for (name, model) in models() {
+        for backend in &backends {
+            let mut engine = engine(backend, &model);
+            for view in views(&model) {
+                let usual = engine.render(&view, &Settings::default()).unwrap();
+                for none in [rules(0.0, 0.0, 0.0), rules(-1.0, 0.0, 24.0)] {
+                    let same = engine.render(&view, &settings(none)).unwrap();
+                    assert_eq!(usual, same, "{name}");
+                }
+            }
+        }
+    }
+}
+
+/// Tighter tolerances are nearer to the triangles, and patches are fewer than what they stand for.
+#[test]
+fn tolerances_bound_the_error() {
+    let model = generated(GeneratedShape::Torus, 200_000);
+    let mut own = engine(&Backend::Cpu, &model);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    let triangles = Settings {
+        method: Method::Triangles,
+        ..Settings::default()
+    };
+    let exact = own.render(&view, &triangles).unwrap();
+    let by_size = own.draw(&view, &Settings::default()).unwrap().counts;
+    let mean = |image: &Image| {
+        let off = image.color.iter().zip(&exact.color);
+        let sum: u32 = off.map(|(a, b)| u32::from(a[0].abs_diff(b[0]))).sum();
+        f64::from(sum) / exact.color.len() as f64
+    };
+    let mut errors = Vec::new();
+    for (e, shade) in [(0.1, 4.0), (0.5, 32.0), (2.0, 64.0)] {
+        let times = own.draw(&view, &settings(rules(e, e, shade))).unwrap();
+        assert!(
+            times.counts.nodes_visited * 4 < by_size.nodes_visited,
+            "{:?}",
+            times.counts
+        );
+        errors.push(mean(&own.read(&view).unwrap()));
+    }
+    assert!(errors[0] < errors[1] && errors[1] < errors[2], "{errors:?}");
+    assert!(errors[0] < 1.0, "{errors:?}");
+}
+
+#[test]
+fn what_is_not_drawn_is_refused_by_name() {
+    let model = generated(GeneratedShape::Sphere, 2_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    let usual = settings(PatchRules::default());
+    for (look, word) in [
+        (
+            Settings {
+                splat: SplatKind::Gauss,
+                ..usual
+            },
+            "--splat",
+        ),
+        (
+            Settings {
+                color_by: ColorBy::Overdraw,
+                ..usual
+            },
+            "--color-by",
+        ),
+    ] {
+        for backend in [Backend::Mirror, Backend::Cpu] {
+            let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
+            let error = engine.render(&view, &look).unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+    let Some(device) = Device::open() else { return };
+    let vulkan = Backend::Vulkan(device.gpu().clone());
+    let mut engine = Engine::new(&vulkan, &model, SIZE, PictureOutputs::default()).unwrap();
+    let by_compute = Settings {
+        path: Path::Compute,
+        ..usual
+    };
+    let error = engine.render(&view, &by_compute).unwrap_err().to_string();
+    assert!(error.contains("compute"), "{error}");
+}
