@@ -122,6 +122,9 @@ fn usable(photo: &mut ScenePhoto, remarks: &mut Vec<String>) -> Result<(), Strin
         StoredFit::Equal | StoredFit::Transposed => Ok(()),
         StoredFit::Scaled => {
             photo.camera = photo.camera.scaled(stored[0], stored[1]);
+            if !photo.camera.is_usable() {
+                return Err("its camera, scaled to its file, is no longer usable".into());
+            }
             remarks.push(format!(
                 "{} was calibrated at {} x {} pixels and has {} x {}: its camera is scaled",
                 photo.name, calibrated[0], calibrated[1], stored[0], stored[1]
