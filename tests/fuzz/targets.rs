@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use surfel::cut::{Cut, CutSettings, select};
-use surfel::image::FloatImage;
+use surfel::image::{FloatImage, PictureChannels};
 use surfel::input::{self, Loaded, Options};
 use surfel::pages::file::PagedFile;
 use surfel::pages::source::MemorySource;
@@ -715,6 +715,13 @@ fn photograph(folder: &Path, name: &str, bytes: &[u8]) -> Result<InputOutcome, S
 
 fn picture(folder: &Path, name: &str, bytes: &[u8]) -> Result<InputOutcome, String> {
     let path = write(folder, name, bytes);
+    if let Ok(channels) = PictureChannels::load(&path) {
+        let is_whole = channels
+            .channels
+            .iter()
+            .all(|channel| channel.values.len() == channel.width * channel.height);
+        expect(is_whole, "values of another number than pixels")?;
+    }
     match FloatImage::load(&path) {
         Ok(image) => {
             let count = image.width as usize * image.height as usize;
