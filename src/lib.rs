@@ -59,6 +59,7 @@ pub mod pack;
 pub mod pages;
 pub mod patches;
 pub mod photos;
+mod printable;
 pub mod progress;
 pub mod projective;
 pub mod render;

@@ -120,7 +120,11 @@ fn assert_as_reference(backend: &Backend) {
                     "{name}, {:?}: {count} of {covered}",
                     look.color_by
                 );
-                assert!(holes(&exact, &image) <= 2, "{name}: {}", holes(&exact, &image));
+                assert!(
+                    holes(&exact, &image) <= 2,
+                    "{name}: {}",
+                    holes(&exact, &image)
+                );
             }
         }
     }
@@ -237,7 +241,8 @@ fn what_is_not_drawn_is_refused_by_name() {
         ),
     ] {
         for backend in [Backend::Mirror, Backend::Cpu] {
-            let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
+            let mut engine =
+                Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
             let error = engine.render(&view, &look).unwrap_err().to_string();
             assert!(error.contains(word), "{error}");
         }

@@ -30,10 +30,15 @@ const LAYERS: &[Layer] = &[
     layer("threads", &[]),
     // Vectors as wide as the processor has them.
     layer("simd", &[]),
+    // Words out of files, fit to be shown.
+    layer("printable", &[]),
     // Images on surfaces: what a mesh carries and every picture shows.
     layer("textures", &[]),
     layer("mesh", &["math", "textures"]),
-    layer("input", &["progress", "math", "mesh", "textures"]),
+    layer(
+        "input",
+        &["progress", "math", "printable", "mesh", "textures"],
+    ),
     // `abi` is the bottom of the device's side. It takes `octahedral` for its constructors, nothing else.
     layer("abi", &["math"]),
     layer("generate", &["progress", "math", "mesh"]),
@@ -54,7 +59,7 @@ const LAYERS: &[Layer] = &[
     ),
     // Splats from vertices, cut at edges: polygons of a mesh, without a tree.
     layer("oriented", &["math", "mesh", "abi", "pack"]),
-    layer("image", &["math"]),
+    layer("image", &["math", "textures"]),
     // Records of nodes as oriented polygons, the cut by their errors, and an exact picture of it.
     layer(
         "patches",
@@ -96,6 +101,7 @@ const LAYERS: &[Layer] = &[
         &[
             "progress",
             "math",
+            "printable",
             "abi",
             "tree",
             "image",
@@ -116,15 +122,24 @@ const LAYERS: &[Layer] = &[
     layer(
         "chart",
         &[
-            "progress", "math", "tree", "cut", "oriented", "image", "gpu", "render", "measure",
+            "progress",
+            "math",
+            "printable",
+            "tree",
+            "cut",
+            "oriented",
+            "image",
+            "gpu",
+            "render",
+            "measure",
         ],
     ),
     // Measures whole frames of generated models, and holds them to bounds.
     layer(
         "bench",
         &[
-            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "patches", "gpu",
-            "render", "measure", "chart",
+            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "patches",
+            "gpu", "render", "measure", "chart",
         ],
     ),
     // Wraps the error of every layer; no layer may use it.

@@ -126,8 +126,8 @@ fn assert_as_reference(own: &Backend) {
                         ..settings(rules)
                     },
                 ] {
-                    let [reference, own] = [&Backend::Mirror, own]
-                        .map(|backend| draw(backend, &model, &view, &look));
+                    let [reference, own] =
+                        [&Backend::Mirror, own].map(|backend| draw(backend, &model, &view, &look));
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
                     let count = differing(&reference, &own);
                     assert!(covered > 2000, "{name}: {covered}");

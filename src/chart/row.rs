@@ -2,6 +2,7 @@
 
 use super::{DrawConfiguration, Error};
 use crate::measure::ValueDistribution;
+use crate::printable::{MOST_CHARS, printable};
 use std::path::Path;
 
 /// What one choice cost and how far it was off, from one view. Times in milliseconds, errors as [`super::errors::PictureErrors`]
@@ -151,8 +152,10 @@ pub fn read_rows(path: &Path) -> Result<Vec<ChartRow>, Error> {
             let row = row.map_err(|error| {
                 let line = error.position().map_or(0, csv::Position::line);
                 let cause = match error.kind() {
-                    csv::ErrorKind::Deserialize { err, .. } => err.to_string(),
-                    _ => error.to_string(),
+                    csv::ErrorKind::Deserialize { err, .. } => {
+                        printable(&err.to_string(), MOST_CHARS)
+                    }
+                    _ => printable(&error.to_string(), MOST_CHARS),
                 };
                 fail(line, cause)
             })?;

@@ -1,8 +1,8 @@
 //! The options that decide how a model looks, shared by every command that draws.
 
 use super::color_choice::{ColorByName, ColorChoice};
-use super::light::LightArgs;
 use super::error_patches::ErrorArgs;
+use super::light::LightArgs;
 use super::vertex_splats::VertexSplatArgs;
 use super::{Failure, usage};
 use clap::builder::Resettable;

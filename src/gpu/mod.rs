@@ -17,6 +17,7 @@ pub mod clock;
 pub mod compute;
 mod copy;
 pub mod device;
+pub mod faults;
 #[cfg(test)]
 pub(crate) mod for_tests;
 pub mod frame;
@@ -145,6 +146,10 @@ pub struct DeviceOptions {
     /// Give mapped memory out as a copy that reaches the device only by an explicit flush, as on a device
     /// whose memory is not coherent. For tests: a forgotten flush shows in the picture.
     pub pretend_noncoherent: bool,
+    /// A call that fails on purpose. For tests.
+    pub call_faults: Option<faults::CallFaults>,
+    /// Takes abilities and limits away from the device before it is used. For tests.
+    pub narrowed: Option<fn(&mut DeviceInfo)>,
     /// Instance extensions that a window system needs; also asks for a device that can present.
     pub surface_extensions: Vec<String>,
 }
@@ -186,6 +191,8 @@ pub struct Gpu {
     submitted: AtomicU64,
     compiled_pipelines: AtomicU64,
     created_resources: AtomicU64,
+    /// Dropped last, after `Drop` has destroyed the device.
+    _fault_guard: Option<faults::FaultGuard>,
 }
 
 impl std::fmt::Debug for Gpu {
@@ -211,8 +218,18 @@ impl Gpu {
         let entry = device::load_entry()?;
         let messages = LayerMessages::default();
         let instance = device::VulkanInstance::create(&entry, options, &messages)?;
-        let chosen = device::choose(&entry, &instance, options)?;
+        let mut chosen = device::choose(&entry, &instance, options)?;
+        if let Some(narrow) = options.narrowed {
+            narrow(&mut chosen.info);
+        }
         let (device, queue) = device::create(&instance, &chosen, options)?;
+        let (device, fault_guard) = match &options.call_faults {
+            Some(faults) => {
+                let (device, guard) = faults::count(device, faults);
+                (device, Some(guard))
+            }
+            None => (device, None),
+        };
         // From here on the root owns everything, so that a failure below is cleaned up by its Drop.
         let (instance, messenger, has_debug) = instance.into_parts();
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -269,6 +286,7 @@ impl Gpu {
             submitted: AtomicU64::new(0),
             compiled_pipelines: AtomicU64::new(0),
             created_resources: AtomicU64::new(0),
+            _fault_guard: fault_guard,
         };
         let mut kind = vk::SemaphoreTypeCreateInfo::default()
             .semaphore_type(vk::SemaphoreType::TIMELINE)

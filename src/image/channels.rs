@@ -1,7 +1,7 @@
 //! All channels of a picture file, and how two files differ in each.
 
 use super::Error;
-use super::file::{decode_png, read_by_kind};
+use super::read::{checked_exr, decode_png, read_by_kind};
 use crate::math::camera::MAX_SIDE;
 use exr::prelude as openexr;
 use openexr::{ReadChannels, ReadLayers};
@@ -70,7 +70,7 @@ fn png_channels(reader: BufReader<File>) -> Result<PictureChannels, String> {
 
 fn exr_channels(reader: BufReader<File>) -> Result<PictureChannels, String> {
     let mut data = Vec::new();
-    let mut reader = reader;
+    let mut reader = checked_exr(reader)?;
     reader.read_to_end(&mut data).map_err(|e| e.to_string())?;
     let mut found = PictureChannels::default();
     let all = openexr::read()

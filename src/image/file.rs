@@ -1,15 +1,14 @@
 //! Files: PNG, OpenEXR and NumPy, written beside their place and renamed, so none is ever half there.
 
 use super::{Error, FloatImage, Image};
-use crate::math::camera::MAX_SIDE;
 use exr::prelude as openexr;
-use openexr::{ReadChannels, ReadLayers, WritableImage};
+use openexr::WritableImage;
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 /// Names of the channels of a normal in an EXR file.
-const NORMAL_CHANNELS: [&str; 3] = ["N.X", "N.Y", "N.Z"];
+pub(super) const NORMAL_CHANNELS: [&str; 3] = ["N.X", "N.Y", "N.Z"];
 
 impl Image {
     /// Writes the color as an opaque 8-bit RGB PNG, bytes as they are (no transfer function). The background
@@ -136,46 +135,6 @@ impl FloatImage {
         ];
         write_exr(path, (self.width, self.height), channels)
     }
-
-    /// Reads a PNG or EXR file, told apart by their first bytes.
-    ///
-    /// PNG: integers over their largest value, no transfer function; grey counts for all three colors.
-    /// EXR: the largest level of the first layer that is not deep; R, G, B or Y; Z as depth; N.X, N.Y, N.Z as
-    /// normals. Without an alpha channel, coverage is 1 ([`cover_where_not`](Self::cover_where_not) helps); an
-    /// EXR of depth alone is black and covered where the depth is finite.
-    ///
-    /// # Errors
-    /// [`Error::Read`] when the file cannot be read, is neither format, is damaged, or has a side above
-    /// [`MAX_SIDE`].
-    pub fn load(path: &Path) -> Result<Self, Error> {
-        read_by_kind(path, read_png, read_exr)
-    }
-}
-
-/// Reads a file by its first bytes.
-pub(super) fn read_by_kind<T>(
-    path: &Path,
-    png: impl FnOnce(BufReader<File>) -> Result<T, String>,
-    exr: impl FnOnce(BufReader<File>) -> Result<T, String>,
-) -> Result<T, Error> {
-    let fail = |cause: String| Error::Read {
-        path: path.to_owned(),
-        cause,
-    };
-    let mut file = File::open(path).map_err(|e| fail(e.to_string()))?;
-    let mut magic = Vec::new();
-    (&mut file)
-        .take(4)
-        .read_to_end(&mut magic)
-        .and_then(|_| file.rewind())
-        .map_err(|e| fail(e.to_string()))?;
-    let reader = BufReader::new(file);
-    match magic.as_slice() {
-        [0x89, b'P', b'N', b'G'] => png(reader),
-        [0x76, 0x2f, 0x31, 0x01] => exr(reader),
-        _ => Err("it is neither a PNG nor an EXR file".into()),
-    }
-    .map_err(fail)
 }
 
 /// Writes a file through a temporary one in the same folder, which takes its place when it is complete; what
@@ -292,93 +251,6 @@ fn write_exr(
         } else {
             picture.write().to_buffered(file).map_err(failed)
         }
-    })
-}
-
-fn read_png(reader: BufReader<File>) -> Result<FloatImage, String> {
-    let picture = decode_png(reader)?.into_rgba32f();
-    Ok(FloatImage {
-        width: picture.width(),
-        height: picture.height(),
-        color: picture.pixels().map(|p| p.0).collect(),
-        ..FloatImage::default()
-    })
-}
-
-/// The pixels of a PNG file.
-pub(super) fn decode_png(reader: BufReader<File>) -> Result<::image::DynamicImage, String> {
-    let mut reader = ::image::ImageReader::with_format(reader, ::image::ImageFormat::Png);
-    let mut limits = ::image::Limits::no_limits();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    reader.limits(limits);
-    reader.decode().map_err(|e| e.to_string())
-}
-
-fn read_exr(reader: BufReader<File>) -> Result<FloatImage, String> {
-    let picture = openexr::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .from_buffered(reader)
-        .map_err(|e| e.to_string())?;
-    let layer = picture.layer_data;
-    let (width, height) = (layer.size.x(), layer.size.y());
-    let largest = MAX_SIDE as usize;
-    if width > largest || height > largest {
-        return Err(format!(
-            "it has {width} x {height} pixels; each side may have {largest}"
-        ));
-    }
-    let channel = |name: &str| -> Option<Vec<f32>> {
-        let channel = layer.channel_data.list.iter().find(|c| c.name.eq(name))?;
-        let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
-        // Subsampled channels have fewer.
-        (values.len() == width * height).then_some(values)
-    };
-    let luminance = channel("Y");
-    let color = ["R", "G", "B"].map(|name| channel(name).or_else(|| luminance.clone()));
-    let depth = channel("Z");
-    let normal = NORMAL_CHANNELS.map(channel);
-    if color
-        .iter()
-        .chain([&depth])
-        .chain(&normal)
-        .all(Option::is_none)
-    {
-        return Err(
-            "it has none of the channels R, G, B, Y, Z, N.X, N.Y, N.Z at full resolution".into(),
-        );
-    }
-    let is_depth_alone = color.iter().all(Option::is_none);
-    let alpha = channel("A").or_else(|| {
-        depth.as_ref().filter(|_| is_depth_alone).map(|z| {
-            z.iter()
-                .map(|z| f32::from(u8::from(z.is_finite())))
-                .collect()
-        })
-    });
-    let at = |channel: &Option<Vec<f32>>, i: usize, otherwise: f32| {
-        channel.as_ref().map_or(otherwise, |c| c[i])
-    };
-    let pixels = 0..width * height;
-    Ok(FloatImage {
-        width: width as u32,
-        height: height as u32,
-        color: pixels
-            .clone()
-            .map(|i| {
-                let [r, g, b] = [0, 1, 2].map(|c: usize| at(&color[c], i, 0.0));
-                [r, g, b, at(&alpha, i, 1.0)]
-            })
-            .collect(),
-        normal: match &normal {
-            [Some(x), Some(y), Some(z)] => pixels.map(|i| [x[i], y[i], z[i]]).collect(),
-            _ => Vec::new(),
-        },
-        depth: depth.unwrap_or_default(),
     })
 }
 

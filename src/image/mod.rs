@@ -8,6 +8,7 @@ mod accumulate;
 mod channels;
 mod compare;
 mod file;
+mod read;
 mod sheet;
 
 pub use accumulate::{Accumulator, jittered, mean_difference, shifted, stratified};

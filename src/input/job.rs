@@ -7,6 +7,7 @@ use super::text::{line_of, shown};
 use super::{Error, Options, Place, Warning};
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::faces::FaceRepairs;
+use crate::printable::{MOST_CHARS, printable};
 use crate::progress::Progress;
 
 /// Bytes between two looks at the progress: often enough to cancel at once, rare enough to cost nothing.
@@ -128,7 +129,7 @@ impl<'a> Job<'a> {
         Error::Syntax {
             path: self.owned_path(),
             place,
-            reason: reason.into(),
+            reason: printable(&reason.into(), MOST_CHARS),
         }
     }
 
@@ -145,7 +146,7 @@ impl<'a> Job<'a> {
         Error::Truncated {
             path: self.owned_path(),
             place,
-            missing: missing.into(),
+            missing: printable(&missing.into(), MOST_CHARS),
         }
     }
 

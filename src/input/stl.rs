@@ -124,7 +124,7 @@ fn colors_of(job: &mut Job<'_>, header: &[u8], body: &[u8], count: u64) -> Vec<[
     let part = header
         .windows(6)
         .position(|window| window == b"COLOR=")
-        .and_then(|at| header[at + 6..80].first_chunk::<4>())
+        .and_then(|at| header.get(at + 6..80)?.first_chunk::<4>())
         .map(|&[red, green, blue, _]| [red, green, blue, 255]);
     let word = |triangle: &[u8]| u16::from_le_bytes([triangle[48], triangle[49]]);
     let any = |pattern: u16| {

@@ -16,6 +16,7 @@ use super::points::guarded;
 use super::text::shown;
 use super::{Error, Warning};
 use crate::mesh::Mesh;
+use crate::textures::capacity::{JPEG_PIXELS_A_BYTE, PNG_PIXELS_A_BYTE, can_hold};
 use crate::textures::{MeshTextures, NO_IMAGE, TextureImage, TextureLevel, WrapMode};
 
 /// Largest file of an image, bytes.
@@ -299,6 +300,16 @@ impl<'a> OpenedImage<'a> {
             size: size.into(),
         };
         let [width, height] = opened.size;
+        let pixels_a_byte = match format {
+            ImageFormat::Png => PNG_PIXELS_A_BYTE,
+            _ => JPEG_PIXELS_A_BYTE,
+        };
+        let length = opened.bytes.len() as u64;
+        if !can_hold(opened.size.map(u64::from), pixels_a_byte, length) {
+            return Err(format!(
+                "{width} x {height} texels, which {length} bytes cannot hold"
+            ));
+        }
         if opened.decoded_bytes() > LARGEST_DECODED || opened.decoded_bytes() == 0 {
             return Err(format!(
                 "{width} x {height} texels; at most {} are decoded at once",

@@ -1,5 +1,6 @@
 //! What a reader noticed and repaired or left out; returned with the mesh, never printed here.
 
+use crate::printable::printable;
 use std::fmt;
 
 use glam::DVec3;
@@ -197,7 +198,20 @@ pub enum Warning {
 
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
+        let words = RawWarning(self).to_string();
+        f.write_str(&printable(&words, MOST_WARNING_CHARS))
+    }
+}
+
+/// Most characters of a warning: a list of columns is long.
+const MOST_WARNING_CHARS: usize = 2000;
+
+/// A warning with the words of the file as they are.
+struct RawWarning<'a>(&'a Warning);
+
+impl fmt::Display for RawWarning<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
             Warning::EndingDisagrees { ending, format } => {
                 write!(
                     f,

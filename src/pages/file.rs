@@ -5,8 +5,8 @@ use super::format::{
 };
 use super::page::{DecodeOptions, DecodedPage, decode};
 use super::source::ByteSource;
-use crate::tree::Model;
 use crate::tree::file::hash;
+use crate::tree::{Model, Tree};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -100,7 +100,7 @@ impl PagedFile {
         let first = self.root().map(|root| self.read_page(&root, options));
         let model = first
             .transpose()?
-            .map_or_else(Model::default, |page| page.model);
+            .map_or_else(without_leaves, |page| page.model);
         let shift = self.origin() - origin;
         let moved = |place: [f32; 3]| (shift + Vec3::from_array(place).as_dvec3()).as_vec3();
         Ok(Model {
@@ -175,9 +175,33 @@ impl PagedFile {
             }
             page.model.is_closed = self.is_closed();
         }
-        Ok(match options.model_origin {
+        let page = match options.model_origin {
             Some(origin) => page.in_model_space(origin),
             None => page,
-        })
+        };
+        // Moved by its place in the file, a sphere can leave single precision.
+        let model = &page.model;
+        let reach = model.orbit_center.as_dvec3() + page.base;
+        let is_near = |center: Vec3| (center.as_dvec3() + page.base).as_vec3().is_finite();
+        if !reach.as_vec3().is_finite()
+            || !(model.tree.nodes.iter())
+                .all(|node| is_near(node.center) && node.radius.is_finite())
+            || !(model.tree.leaves.iter())
+                .all(|leaf| is_near(leaf.center) && leaf.radius.is_finite())
+        {
+            return Err(damaged(0, "a sphere that is not finite".to_owned()));
+        }
+        Ok(page)
+    }
+}
+
+/// A model of nothing, whose links hold.
+fn without_leaves() -> Model {
+    Model {
+        tree: Tree {
+            level_starts: vec![0],
+            ..Tree::default()
+        },
+        ..Model::default()
     }
 }

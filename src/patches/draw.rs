@@ -63,7 +63,9 @@ impl NodePatch {
             .fold(0.0, f32::max);
         let exponent = packed::exponent_of(largest);
         self.color_gradient.map(|slope| {
-            let [r, g, b] = slope.to_array().map(|value| packed::bits_7(value, exponent));
+            let [r, g, b] = slope
+                .to_array()
+                .map(|value| packed::bits_7(value, exponent));
             [r, g, b, exponent]
         })
     }

@@ -1,5 +1,6 @@
 //! Errors of photographs: each error names the file, the place in it, the cause and what to do.
 
+use crate::printable::{MOST_CHARS, printable};
 use std::path::{Path, PathBuf};
 
 /// Fault of a scene or a photograph.
@@ -37,8 +38,9 @@ pub enum PhotoError {
     },
     /// A lens is described by a model that is not known.
     #[error(
-        "{}: the distortion model {model} is not known; undistort the photographs with the program that wrote the file, and export again",
-        path.display()
+        "{}: the distortion model {} is not known; undistort the photographs with the program that wrote the file, and export again",
+        path.display(),
+        printable(model, 60)
     )]
     Lens {
         /// The file.
@@ -47,7 +49,7 @@ pub enum PhotoError {
         model: String,
     },
     /// No camera of the scene can be used.
-    #[error("{}: none of its cameras can be used: {cause}", path.display())]
+    #[error("{}: none of its cameras can be used: {}", path.display(), printable(cause, MOST_CHARS))]
     NoCamera {
         /// The file.
         path: PathBuf,
@@ -89,8 +91,8 @@ impl PhotoError {
     pub(crate) fn format(path: &Path, place: impl Into<String>, cause: impl Into<String>) -> Self {
         Self::Format {
             path: path.to_owned(),
-            place: place.into(),
-            cause: cause.into(),
+            place: printable(&place.into(), MOST_CHARS),
+            cause: printable(&cause.into(), MOST_CHARS),
         }
     }
 }

@@ -6,8 +6,8 @@ use crate::math::camera::View;
 use crate::pack::Footprint;
 use crate::patches::{PatchCutSettings, PatchRules};
 use crate::render::model_facts::DrawnFacts;
-use crate::render::technique::Technique;
 use crate::render::settings::PolygonSource;
+use crate::render::technique::Technique;
 use crate::render::{Method, Occlusion, Path, Settings, SplatKind, Traversal};
 use crate::tree::Model;
 

@@ -198,9 +198,7 @@ impl RecordFormat {
         let (settings, facts) = (&plan.settings, &plan.facts);
         let splats = splat_plan(settings, max_point_px);
         match plan.technique {
-            Technique::Opaque | Technique::Visibility | Technique::Polygons => {
-                Self::Splats(splats)
-            }
+            Technique::Opaque | Technique::Visibility | Technique::Polygons => Self::Splats(splats),
             Technique::Fuzzy if plan.may_use_compute => {
                 Self::Fuzzy(splats, fuzzy_look(settings, facts))
             }

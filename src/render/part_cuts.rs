@@ -8,8 +8,8 @@ use crate::render::cut_key::CutKey;
 use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::settings::PolygonSource;
 use crate::render::vertex_splats::VertexSplats;
-use rayon::prelude::*;
 use bytemuck::Zeroable;
+use rayon::prelude::*;
 
 /// Cuts of the parts of a frame, in their order. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
@@ -38,10 +38,7 @@ impl PartCuts {
         if self.cuts.len() < self.count {
             self.cuts.resize_with(self.count, Cut::default);
         }
-        self.polygons = parts
-            .iter()
-            .next()
-            .and_then(|part| key_of(part).polygons());
+        self.polygons = parts.iter().next().and_then(|part| key_of(part).polygons());
         if let Some(PolygonSource::Vertices(rules)) = &self.polygons {
             self.vertex_splats.update(parts, rules);
             let beside = self.vertex_splats.triangle_ids();

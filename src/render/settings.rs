@@ -4,8 +4,8 @@ use crate::cut::SizeMetric;
 use crate::math::camera::View;
 use crate::oriented::splats::SplatRules;
 use crate::pack::{ColorBy, Footprint, Lighting};
-use crate::render::outputs::PictureOutputs;
 use crate::patches::PatchRules;
+use crate::render::outputs::PictureOutputs;
 
 /// How the model is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]

@@ -3,6 +3,7 @@
 //! Values are used as they are stored, value / 255, as colors of vertices are: smaller sizes are means of stored values.
 //! Coordinates are those of glTF: (0, 0) is the upper left corner of the image, (1, 1) the lower right one.
 
+pub(crate) mod capacity;
 mod level;
 mod mesh;
 #[cfg(test)]

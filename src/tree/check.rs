@@ -19,6 +19,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const SPHERE_TOLERANCE: f64 = 1e-5;
 /// How far a corner may stick out of a capsule, relative to the sphere's radius.
 const STRIP_TOLERANCE: f64 = 1e-5;
+/// What roundings of numbers below the normal ones may add to any length, model units.
+const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
 /// How far, in radians, a normal may lie outside of a cone.
 const CONE_TOLERANCE: f64 = 1e-6;
 /// How much farther than the stored thickness a corner may lie, relative to the splat radius, beside the promised
@@ -114,7 +116,7 @@ pub fn check(model: &Model) -> CheckReport {
         if p.cmplt(model.min).any() || p.cmpgt(model.max).any() {
             sink.report(|| format!("vertex {index} lies outside of the model's box"));
         }
-        let reach = f64::from(model.orbit_radius) * (1.0 + 1e-5) + f64::from(f32::MIN_POSITIVE);
+        let reach = f64::from(model.orbit_radius) * (1.0 + 1e-5) + SMALLEST;
         if p.as_dvec3().distance(model.orbit_center.as_dvec3()) > reach {
             sink.report(|| format!("vertex {index} lies outside of the orbit's sphere"));
         }
@@ -335,10 +337,9 @@ fn check_leaf(model: &Model, leaf: u32, sink: &Sink) {
     };
     let corners = triangle.map(|corner| model.vertices[corner as usize].position);
     let radius = f64::from(sphere.radius);
-    if corners
-        .iter()
-        .any(|p| p.as_dvec3().distance(sphere.center.as_dvec3()) > radius * (1.0 + 1e-12))
-    {
+    if corners.iter().any(|p| {
+        p.as_dvec3().distance(sphere.center.as_dvec3()) > radius * (1.0 + 1e-12) + SMALLEST
+    }) {
         sink.report(|| format!("leaf {leaf}: the sphere does not contain the triangle"));
     }
     let (normal, _) = summary::geometric_normal(corners);
@@ -386,7 +387,7 @@ fn is_within_thickness(
     let normal = attributes.normal().as_dvec3();
     let half = f64::from(attributes.half_thickness());
     let tolerance = f64::from(NodeAttributes::THICKNESS_TOLERANCE) + THICKNESS_TOLERANCE;
-    let most = half + tolerance * f64::from(attributes.splat_radius);
+    let most = half + tolerance * f64::from(attributes.splat_radius) + SMALLEST;
     let beyond = reach(normal);
     points.iter().all(|point| {
         let offset = point.as_dvec3() - node.center.as_dvec3();
@@ -396,7 +397,7 @@ fn is_within_thickness(
 
 fn contains_ball(node: &Node, center: Vec3, radius: f32) -> bool {
     let distance = node.center.as_dvec3().distance(center.as_dvec3());
-    distance + f64::from(radius) <= f64::from(node.radius) * (1.0 + SPHERE_TOLERANCE)
+    distance + f64::from(radius) <= f64::from(node.radius) * (1.0 + SPHERE_TOLERANCE) + SMALLEST
 }
 
 /// Half angle and unit axis.
@@ -440,5 +441,6 @@ fn contains_point(node: &Node, point: Vec3) -> bool {
     let direction = node.strip.direction().as_dvec3();
     let half = radius * f64::from(node.strip.half_length) / 255.0;
     let nearest = direction * offset.dot(direction).clamp(-half, half);
-    offset.distance(nearest) <= radius * (f64::from(node.strip.width) / 255.0 + STRIP_TOLERANCE)
+    let width = f64::from(node.strip.width) / 255.0 + STRIP_TOLERANCE;
+    offset.distance(nearest) <= radius * width + SMALLEST
 }

@@ -15,8 +15,10 @@ pub(super) fn reach(half: f32, radius: f32, normal: Vec3, along: Vec3) -> f32 {
         // The ball's own farthest point lies in the slab.
         return radius;
     }
-    // By the cross product: 1 - cos² would lose the small angles that decide here.
-    half * cos + (radius * radius - half * half).max(0.0).sqrt() * normal.cross(along).length()
+    // By the cross product: 1 - cos² would lose the small angles that decide here. By the share: the square of a radius
+    // above 1.8e19 is infinite.
+    let share = half / radius;
+    half * cos + radius * (1.0 - share * share).max(0.0).sqrt() * normal.cross(along).length()
 }
 
 /// Half the thickness of `node`'s points along `normal`: each a disc across its own normal, as wide as its spacing, or a

@@ -11,6 +11,8 @@ mod compare;
 mod costs;
 mod damage;
 mod harness;
+#[cfg(unix)]
+mod lost;
 mod models;
 mod motion;
 mod pictures;

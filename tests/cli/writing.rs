@@ -4,9 +4,10 @@ use super::harness::{expect, names};
 use std::path::Path;
 
 /// Every command that writes, with the file it writes; `@` stands for the folder of the file.
-const WRITERS: &[(&str, &str)] = &[
+pub(crate) const WRITERS: &[(&str, &str)] = &[
     ("generate sphere --triangles 2000 -o @out.ply", "out.ply"),
     ("build model.ply -o @out.surfel", "out.surfel"),
+    ("build model.ply --paged -o @out.surfel", "out.surfel"),
     ("render model.ply --device mirror -o @out.png", "out.png"),
     ("render model.ply --device mirror -o @out.exr", "out.exr"),
     (
@@ -31,6 +32,34 @@ const WRITERS: &[(&str, &str)] = &[
     ),
     (
         "render model.ply --device mirror --save-camera @out.json",
+        "out.json",
+    ),
+    (
+        concat!(
+            "compare ",
+            env!("CARGO_MANIFEST_DIR"),
+            "/assets/golden/scan-disc.png ",
+            env!("CARGO_MANIFEST_DIR"),
+            "/assets/golden/scan-ellipse.png --difference @out.png"
+        ),
+        "out.png",
+    ),
+    (
+        concat!(
+            "compare ",
+            env!("CARGO_MANIFEST_DIR"),
+            "/assets/golden/scan-disc.png ",
+            env!("CARGO_MANIFEST_DIR"),
+            "/assets/golden/scan-ellipse.png --flip-map @out.png"
+        ),
+        "out.png",
+    ),
+    (
+        "motion model.ply --device mirror --size 48x40 --steps 2 --csv @out.csv",
+        "out.csv",
+    ),
+    (
+        "motion model.ply --device mirror --size 48x40 --steps 2 --json @out.json",
         "out.json",
     ),
 ];

@@ -2,7 +2,7 @@
 
 use super::source::stored_size;
 use crate::photos::error::PhotoError;
-use crate::photos::scene::{PhotoScene, ScenePhoto};
+use crate::photos::scene::{PhotoScene, ScenePhoto, SparsePoint};
 
 /// Relation of the stored photograph to the calibrated one.
 enum StoredFit {
@@ -90,7 +90,9 @@ pub(super) fn fit_to_files(scene: &mut PhotoScene) -> Result<(), PhotoError> {
         });
     }
     let before = scene.points.len();
-    scene.points.retain(|point| point.position.is_finite());
+    // As far as cameras may be: distances beyond have no square.
+    let is_near = |point: &SparsePoint| point.position.abs().max_element() < 1e12;
+    scene.points.retain(is_near);
     if scene.points.len() < before {
         let lost = before - scene.points.len();
         scene.remarks.push(format!(
@@ -122,6 +124,9 @@ fn usable(photo: &mut ScenePhoto, remarks: &mut Vec<String>) -> Result<(), Strin
         StoredFit::Equal | StoredFit::Transposed => Ok(()),
         StoredFit::Scaled => {
             photo.camera = photo.camera.scaled(stored[0], stored[1]);
+            if !photo.camera.is_usable() {
+                return Err("its camera, scaled to its file, is no longer usable".into());
+            }
             remarks.push(format!(
                 "{} was calibrated at {} x {} pixels and has {} x {}: its camera is scaled",
                 photo.name, calibrated[0], calibrated[1], stored[0], stored[1]

@@ -17,6 +17,7 @@ mod tests;
 
 use crate::photos::error::PhotoError;
 use crate::photos::scene::{PhotoScene, SceneFormat};
+use crate::printable::{MOST_CHARS, printable};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -180,5 +181,8 @@ pub fn read_scene(path: &Path, photos: Option<&Path>) -> Result<PhotoScene, Phot
         SceneFormat::Nerfstudio => nerfstudio::read(path, photos),
     }?;
     fit::fit_to_files(&mut scene)?;
+    for remark in &mut scene.remarks {
+        *remark = printable(remark, MOST_CHARS);
+    }
     Ok(scene)
 }

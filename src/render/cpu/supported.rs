@@ -28,7 +28,9 @@ pub fn unsupported_reason(
     } else {
         match Technique::of(settings) {
             Technique::Nothing => None,
-            Technique::Opaque | Technique::Polygons if settings.footprint() == Footprint::Oriented => {
+            Technique::Opaque | Technique::Polygons
+                if settings.footprint() == Footprint::Oriented =>
+            {
                 Some("it draws no discs in the plane of the surface; use --splat square or disc")
             }
             Technique::Opaque | Technique::Polygons => None,

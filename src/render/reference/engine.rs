@@ -139,7 +139,9 @@ impl MirrorEngine {
         style: &Style,
     ) -> PackedLists<'m> {
         let mut lists = PackedLists {
-            polygons: self.cuts.polygons(parts, settings.color_by == ColorBy::Level),
+            polygons: self
+                .cuts
+                .polygons(parts, settings.color_by == ColorBy::Level),
             ..PackedLists::default()
         };
         let mut corners = Vec::new();

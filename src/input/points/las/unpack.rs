@@ -290,10 +290,12 @@ fn read_chunks(
             .max(1);
         let (batch, later) = rest.split_at(number);
         rest = later;
-        let unpacked: Vec<UnpackedChunk> = batch
-            .par_iter()
-            .map(|chunk| points.unpack(*chunk))
-            .collect();
+        let unpacked: Vec<UnpackedChunk> = points.with_room(|| {
+            batch
+                .par_iter()
+                .map(|chunk| points.unpack(*chunk))
+                .collect()
+        });
         job.report(batch.last().map_or(0, |chunk| chunk.end))?;
         for (chunk, unpacked) in batch.iter().zip(unpacked) {
             if let Some(reason) = unpacked.failure {
@@ -338,7 +340,7 @@ fn read_in_order(
             break;
         }
         // What comes out is held against the bytes again and again: the header's count means nothing here.
-        let unpacked = points.unpack(chunk);
+        let unpacked = points.with_room(|| points.unpack(chunk));
         job.report(unpacked.end)?;
         let before = sink.steps.len();
         unpacked
@@ -354,7 +356,31 @@ fn read_in_order(
     Ok(())
 }
 
+/// Stack of a thread that unpacks layers, bytes: address space, of which only what is used is memory.
+const LAYER_STACK: usize = 1 << 30;
+
 impl PackedPoints<'_> {
+    /// Does `work` on threads with room for the recursion of the unpacker.
+    ///
+    /// The crate `laz` calls itself for each change between four running times that follows another. A writer makes one at
+    /// most, a file made for harm tens of thousands a byte; one of them takes 64 bytes of stack.
+    fn with_room<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        if self.compressor != CompressorType::LayeredChunked {
+            return work();
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(rayon::current_num_threads())
+            .stack_size(LAYER_STACK)
+            .build();
+        match pool {
+            Ok(pool) => pool.install(work),
+            Err(error) => {
+                tracing::warn!("threads with a large stack: {error}");
+                work()
+            }
+        }
+    }
+
     fn unpack(&self, chunk: LazChunk) -> UnpackedChunk {
         let mut out = UnpackedChunk {
             blocks: Vec::new(),

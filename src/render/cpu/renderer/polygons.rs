@@ -43,8 +43,8 @@ impl CpuRenderer {
             let all = |part: FactedModel<'_>| (0..part.model.triangles.len() as u32).collect();
             self.triangle_ids = frame.drawn.iter().map(all).collect();
         }
-        let is_cut = frame.settings.method == Method::Pop
-            || frame.plan.technique == Technique::Polygons;
+        let is_cut =
+            frame.settings.method == Method::Pop || frame.plan.technique == Technique::Polygons;
         let ids: Vec<&[u32]> = match is_cut {
             true if !samples_triangles => self.cuts.iter().map(|cut| &*cut.triangles).collect(),
             _ => self.triangle_ids.iter().map(|ids| &**ids).collect(),
@@ -71,8 +71,7 @@ impl CpuRenderer {
         };
         let is_by_level = frame.settings.color_by == ColorBy::Level;
         let polygons = &mut self.polygons;
-        self.cuts
-            .put_polygons(frame.drawn, is_by_level, polygons);
+        self.cuts.put_polygons(frame.drawn, is_by_level, polygons);
         let polygons = &*polygons;
         let are_patches = self.cuts.has_patches();
         if are_patches {

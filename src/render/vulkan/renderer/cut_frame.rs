@@ -216,7 +216,9 @@ impl<'a> CutPasses<'a> {
         let (targets, context) = (self.targets, &plan.context);
         let raster = self.raster();
         match (plan.technique, self.fuzzy, self.filtered, self.visibility) {
-            (Technique::Opaque | Technique::Polygons, ..) => self.record_opaque(frame, constants)?,
+            (Technique::Opaque | Technique::Polygons, ..) => {
+                self.record_opaque(frame, constants)?
+            }
             (Technique::Fuzzy, Some(fuzzy), ..) => {
                 let placed = self.held.placed;
                 let list = fuzzy::FuzzyLists {
