@@ -219,6 +219,9 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         size: _,
         eye_dome: _,
         eye_dome_strength: _,
+        // tests/photos.rs has those.
+        photos: _,
+        marks_uncovered: _,
         cut_view: _,
     } = *base;
     let mut all = Vec::new();

@@ -420,7 +420,7 @@ impl PhotoStage {
     fn gain_of_view(&self, chosen: &[usize], allowed: &[usize], worth: &[Vec<f32>]) -> Vec3 {
         let places = worth.first().map_or(0, Vec::len);
         let (mut logs, mut weights) = (DVec3::ZERO, 0.0);
-        for place in 0..places {
+        (0..places).for_each(|place| {
             let of = |own: &usize| f64::from(worth[*own][place]);
             let all: f64 = chosen.iter().map(of).sum();
             if all > 0.0 {
@@ -429,7 +429,7 @@ impl PhotoStage {
                 }
                 weights += 1.0;
             }
-        }
+        });
         match weights > 0.0 {
             true => (logs / weights).map(f64::exp).as_vec3(),
             false => Vec3::ONE,

@@ -3,7 +3,7 @@
 use surfel::tree::file::hash;
 
 /// Repairs what the beginning of the file shows it to have; leaves other files as they are.
-pub(crate) fn repair(bytes: &mut Vec<u8>) {
+pub(crate) fn repair(bytes: &mut [u8]) {
     match bytes.get(..8) {
         Some(b"surfel\x1a\n") => tree(bytes),
         Some(b"surfel\x1aP") => paged(bytes),

@@ -55,7 +55,10 @@ pub(crate) fn set_up() {
             if lock(&RUNNING).is_none() {
                 return usual(info);
             }
-            let what = info.payload_as_str().unwrap_or("no words");
+            let payload = info.payload();
+            let what = (payload.downcast_ref::<&str>().copied())
+                .or_else(|| payload.downcast_ref::<String>().map(String::as_str))
+                .unwrap_or("no words");
             let place = info.location().map(ToString::to_string);
             *lock(&LAST_PANIC) = format!("panic at {}: {what}", place.unwrap_or_default());
         }));

@@ -146,6 +146,9 @@ fn own(error: Error) -> StreamError {
     Box::new(OwnError(error))
 }
 
+/// What takes leaves, with the place of each in the grid.
+type TakeLeaves<'a> = dyn FnMut(&LeafRecords, &[DVec3]) -> Result<(), StreamError> + 'a;
+
 /// Everything that the steps have in common.
 struct ExternalBuild<'a> {
     stream: &'a dyn MeshStream,
@@ -240,10 +243,7 @@ impl ExternalBuild<'_> {
 
     /// Gives each piece of leaves with the place of each in the grid: the point, or the middle of the corners. Corners come
     /// along, three for each triangle. Leaves that are not finite have such a place.
-    fn places(
-        &self,
-        take: &mut dyn FnMut(&LeafRecords, &[DVec3]) -> Result<(), StreamError>,
-    ) -> Result<(), StreamError> {
+    fn places(&self, take: &mut TakeLeaves<'_>) -> Result<(), StreamError> {
         if self.facts.is_cloud() {
             return self.stream.vertices(&mut |piece: &VertexPiece| {
                 self.stop()?;

@@ -144,6 +144,7 @@ fn rephotograph(
     let view = LookView {
         eye: camera.center.as_vec3(),
         direction: camera.axis().as_vec3(),
+        parallel: None,
     };
     let mut found = Rephotograph {
         truth: vec![],
@@ -400,6 +401,7 @@ fn a_camera_that_faces_away_and_a_mask_give_nothing() {
     let view = LookView {
         eye: Vec3::ZERO,
         direction: Vec3::Z,
+        parallel: None,
     };
     let settings = LookSettings::default();
     assert_eq!(

@@ -190,6 +190,7 @@ fn state<'a>(settings: &'a Settings, facts: &'a PanelFacts) -> PanelState<'a> {
         control: None,
         is_flying: false,
         parts: Vec::new(),
+        photographs: None,
     }
 }
 
@@ -337,7 +338,7 @@ fn what_a_click_does_a_key_does() {
                     new.depth_offset.is_none() && commands.contains(&Command::UsualDepthOffset)
                 }
                 PanelWish::Light(_) => commands.contains(&Command::Light),
-                PanelWish::Show { .. } => false,
+                PanelWish::Show { .. } | PanelWish::Photograph(_) => false,
                 PanelWish::FrameTime(_) => commands.contains(&Command::FrameTime(1)),
             };
             assert!(
