@@ -10,6 +10,7 @@ use super::slot::UniformBlock;
 use super::{Gpu, lock};
 use crate::abi::BindingKind;
 use ash::vk;
+use std::cell::Cell;
 
 /// Part of a storage buffer.
 #[derive(Clone, Copy)]
@@ -71,6 +72,8 @@ pub(super) struct BindSite<'a> {
     /// Storage buffers that the pass declared.
     pub(super) storage: &'a [vk::Buffer],
     pub(super) name: &'static str,
+    /// A binding could not be made: nothing more is drawn in the pass, and the frame is not submitted.
+    pub(super) has_failed: Cell<bool>,
 }
 
 /// What the bindings of a pipeline get, each kind in ascending order of its bindings.
@@ -80,7 +83,8 @@ pub(super) struct BoundResources<'a> {
     pub(super) storage: &'a [BufferSlice<'a>],
 }
 
-/// Binds a pipeline and a descriptor set made for it.
+/// Binds a pipeline and a descriptor set made for it. Where memory runs out, the pass draws nothing more, and submitting the
+/// frame is an error.
 ///
 /// # Panics
 /// When a binding gets nothing or something of another kind, a resource was not declared by the pass, or the frame
@@ -104,11 +108,16 @@ pub(super) fn bind(
     // SAFETY: the pool belongs to this frame's slot, whose last use has finished.
     let sets = match unsafe { device.allocate_descriptor_sets(&info) } {
         Ok(sets) => sets,
-        Err(result) => panic!(
-            "{}: a frame has room for {} bindings: {result}",
+        Err(vk::Result::ERROR_OUT_OF_POOL_MEMORY | vk::Result::ERROR_FRAGMENTED_POOL) => panic!(
+            "{}: a frame has room for {} bindings",
             site.name,
             4 * MAX_PASSES
         ),
+        Err(result) => {
+            site.has_failed.set(true);
+            *lock(&site.gpu.binding_failure) = Some(result);
+            return;
+        }
     };
     for &(binding, kind) in &pipeline.bindings {
         let mut buffers = [vk::DescriptorBufferInfo::default()];

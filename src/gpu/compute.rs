@@ -7,6 +7,7 @@ use super::frame::UniformBlock;
 use super::pass::PassBuilder;
 use super::pipeline::ShaderPipeline;
 use ash::vk;
+use std::cell::Cell;
 
 /// Dispatches inside a pass.
 pub struct ComputeRecorder<'a> {
@@ -90,6 +91,7 @@ impl PassBuilder<'_> {
                 uniforms: self.slot.uniforms.handle(),
                 storage: &declared[2],
                 name: self.name,
+                has_failed: Cell::default(),
             },
             group: 1,
         };
@@ -126,7 +128,7 @@ impl ComputeRecorder<'_> {
     /// what is not below its count.
     pub fn items(&mut self, items: u32) {
         let groups = items.div_ceil(self.group);
-        if groups == 0 {
+        if groups == 0 || self.site.has_failed.get() {
             return;
         }
         let rows = groups.div_ceil(MAX_GROUPS);

@@ -519,6 +519,9 @@ impl FrameRecorder<'_> {
         // SAFETY: recording was begun and no rendering scope is open.
         unsafe { self.frames.gpu.device.end_command_buffer(slot.commands) }
             .map_err(Error::vulkan("vkEndCommandBuffer", "a frame"))?;
+        if let Some(result) = super::lock(&self.frames.gpu.binding_failure).take() {
+            return Err(Error::vulkan("vkAllocateDescriptorSets", "a frame")(result));
+        }
         if !is_idle {
             slot.submit_time = Some(Instant::now());
             slot.submitted = self.frames.gpu.submit(slot.commands, waits, signals)?;

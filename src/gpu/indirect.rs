@@ -39,6 +39,9 @@ impl DrawRecorder<'_> {
     /// # Panics
     /// When the pass did not declare the buffer, or the words lie outside of it.
     pub fn draw_from(&mut self, buffer: &dyn AnyBuffer, offset: u64) {
+        if self.site.has_failed.get() {
+            return;
+        }
         check(
             self.site.name,
             self.argument_buffers,
@@ -63,6 +66,9 @@ impl DrawRecorder<'_> {
     /// # Panics
     /// As [`draw_from`](DrawRecorder::draw_from).
     pub fn draw_indexed_from(&mut self, buffer: &dyn AnyBuffer, offset: u64) {
+        if self.site.has_failed.get() {
+            return;
+        }
         check(
             self.site.name,
             self.argument_buffers,
@@ -89,6 +95,9 @@ impl ComputeRecorder<'_> {
     /// # Panics
     /// When the words lie outside of the buffer, or the pass did not declare it.
     pub fn groups_from(&mut self, buffer: &dyn AnyBuffer, offset: u64) {
+        if self.site.has_failed.get() {
+            return;
+        }
         check(
             self.site.name,
             self.site.storage,

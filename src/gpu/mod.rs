@@ -191,6 +191,8 @@ pub struct Gpu {
     submitted: AtomicU64,
     compiled_pipelines: AtomicU64,
     created_resources: AtomicU64,
+    /// A binding of the frame being recorded could not be made.
+    binding_failure: Mutex<Option<vk::Result>>,
     /// Dropped last, after `Drop` has destroyed the device.
     _fault_guard: Option<faults::FaultGuard>,
 }
@@ -286,6 +288,7 @@ impl Gpu {
             submitted: AtomicU64::new(0),
             compiled_pipelines: AtomicU64::new(0),
             created_resources: AtomicU64::new(0),
+            binding_failure: Mutex::new(None),
             _fault_guard: fault_guard,
         };
         let mut kind = vk::SemaphoreTypeCreateInfo::default()

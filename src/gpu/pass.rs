@@ -9,6 +9,7 @@ use super::query::SlotQueries;
 use super::slot::{FrameSlot, UniformBlock};
 use super::{Gpu, lock};
 use ash::vk;
+use std::cell::Cell;
 use std::sync::Arc;
 
 /// What a pass finds in a target.
@@ -328,6 +329,7 @@ impl<'f> PassBuilder<'f> {
                 uniforms,
                 storage: &declared[2],
                 name,
+                has_failed: Cell::default(),
             },
             vertex_buffers: &declared[0],
             index_buffers: &declared[1],
@@ -536,6 +538,9 @@ impl DrawRecorder<'_> {
 
     /// Draws `count` vertices from `first` on.
     pub fn draw(&mut self, first: u32, count: u32) {
+        if self.site.has_failed.get() {
+            return;
+        }
         // SAFETY: pipeline, state and vertices are bound; the range lies in the bound buffer (callers draw
         // what they have written).
         unsafe {
@@ -558,6 +563,9 @@ impl DrawRecorder<'_> {
     }
 
     fn draw_records(&mut self, vertices: u32, first: u32, count: u32) {
+        if self.site.has_failed.get() {
+            return;
+        }
         // SAFETY: as in `draw`; the records are bound per instance.
         unsafe {
             self.site
@@ -569,6 +577,9 @@ impl DrawRecorder<'_> {
 
     /// Draws `count` indices from `first` on; `vertex_offset` is added to each.
     pub fn draw_indexed(&mut self, first: u32, count: u32, vertex_offset: i32) {
+        if self.site.has_failed.get() {
+            return;
+        }
         // SAFETY: as in `draw`, and every index plus offset names a vertex of the bound buffer.
         unsafe {
             self.site.gpu.device.cmd_draw_indexed(

@@ -27,7 +27,7 @@ const BAND_ROWS: usize = 32;
 /// A patch that is no number where nothing is drawn.
 const NOTHING: u32 = u32::MAX;
 
-/// Draws patches, and keeps its memory from one picture to the next: 8 bytes a pixel, 200 a patch.
+/// Draws patches, and keeps its memory from one picture to the next: 8 bytes a pixel, 4 for each band that a patch lies in.
 #[derive(Debug)]
 pub struct PatchRaster {
     threads: usize,
@@ -36,7 +36,6 @@ pub struct PatchRaster {
     /// Pixels of a row in memory.
     stride: usize,
     bands: Vec<RowBand>,
-    parts: Vec<RasterPart>,
     /// The view of the last picture.
     view: Option<RasterView>,
 }
@@ -52,21 +51,11 @@ pub struct PatchPixel {
     pub uv: [f32; 2],
 }
 
-/// Patches that a thread places at a time.
-const PART: usize = 2048;
-
-/// Some patches of a picture, placed.
-#[derive(Debug, Default)]
-struct RasterPart {
-    /// With their numbers.
-    patches: Vec<(u32, RasterPatch)>,
-    /// Of each band, which of them reach it.
-    of_band: Vec<Vec<u32>>,
-}
-
 /// Some rows of the picture.
 #[derive(Debug, Default)]
 struct RowBand {
+    /// Patches whose balls touch it.
+    ids: Vec<u32>,
     /// The larger the nearer.
     nearness: Vec<f32>,
     nearest: Vec<u32>,
@@ -77,8 +66,6 @@ struct RowBand {
 struct RasterView {
     rotation: Mat3,
     translation: Vec3,
-    /// Directions of view space in model space, as long as there.
-    to_model: Mat3,
     /// The ray of a window position p is (p * scale + offset, -1); of parallel rays that is their place.
     ray_scale: Vec2,
     ray_offset: Vec2,
@@ -99,8 +86,6 @@ impl RasterView {
         Self {
             rotation: Mat3::from_mat4(matrix),
             translation: matrix.w_axis.truncate(),
-            to_model: Mat3::from_mat4(matrix).transpose()
-                * (1.0 / (view.model_scale * view.model_scale)),
             ray_scale: Vec2::new(2.0, -2.0) / size / scale,
             ray_offset: (Vec2::new(-1.0, 1.0) + shift) / scale,
             focal_px: view.focal_px(),
@@ -165,7 +150,6 @@ impl RasterView {
 }
 
 /// A patch on the picture. Positions are counted from its middle.
-#[derive(Debug)]
 struct RasterPatch {
     /// Where the origin of the plane lies on the picture.
     middle: Vec2,
@@ -296,7 +280,6 @@ impl PatchRaster {
             height: 0,
             stride: 0,
             bands: Vec::new(),
-            parts: Vec::new(),
             view: None,
         }
     }
@@ -309,24 +292,28 @@ impl PatchRaster {
         self.stride = view.width as usize + 4;
         let count = (view.height as usize).div_ceil(BAND_ROWS);
         self.bands.resize_with(count, RowBand::default);
-        let part_count = patches.len().div_ceil(PART);
-        self.parts.resize_with(part_count, RasterPart::default);
-        let workers = &mut vec![(); self.threads];
-        let parts = self.parts.iter_mut().zip(patches.chunks(PART)).enumerate();
-        share(workers, parts, |(), (number, (part, patches))| {
-            part.set_up(&raster, (patches, (number * PART) as u32), count);
-        });
+        for band in &mut self.bands {
+            band.ids.clear();
+        }
+        for (id, patch) in patches.iter().enumerate() {
+            let [first, last] = rows_of(&raster, patch);
+            let last = (last / BAND_ROWS as f32).min(count as f32 - 1.0);
+            // Casts saturate, and take what is no number to 0.
+            let (first, last) = ((first / BAND_ROWS as f32).max(0.0) as usize, last as isize);
+            for band in first..(last + 1).max(0) as usize {
+                self.bands[band].ids.push(id as u32);
+            }
+        }
         let (stride, width) = (self.stride, self.width as usize);
-        let parts = &self.parts;
         let bands = self.bands.iter_mut().enumerate();
-        share(workers, bands, |(), (index, band)| {
+        share(&mut vec![(); self.threads], bands, |(), (index, band)| {
             let top = index * BAND_ROWS;
             let rows = BAND_ROWS.min(view.height as usize - top);
             band.clear(rows * stride);
-            for part in parts {
-                for &at in &part.of_band[index] {
-                    let (id, patch) = &part.patches[at as usize];
-                    band.fill(&raster, patch, *id, [top, rows, width, stride]);
+            for at in 0..band.ids.len() {
+                let id = band.ids[at];
+                if let Some(patch) = RasterPatch::new(&raster, &patches[id as usize]) {
+                    band.fill(&raster, &patch, id, [top, rows, width, stride]);
                 }
             }
         });
@@ -403,38 +390,31 @@ impl PatchRaster {
     }
 }
 
-impl RasterPart {
-    /// Places patches, the first of which has number `first`, and finds the bands that they reach.
-    fn set_up(
-        &mut self,
-        view: &RasterView,
-        (patches, first): (&[OrientedPolygon], u32),
-        bands: usize,
-    ) {
-        self.patches.clear();
-        self.of_band.resize_with(bands, Vec::new);
-        self.of_band.iter_mut().for_each(Vec::clear);
-        for (index, polygon) in patches.iter().enumerate() {
-            let Some(patch) = RasterPatch::new(view, polygon) else {
-                continue;
-            };
-            // Casts saturate, and take what is no number to 0.
-            let end = ((patch.high.y.floor() + 1.0) as usize).div_ceil(BAND_ROWS);
-            let begin = patch.low.y as usize / BAND_ROWS;
-            if patch.high.y >= 0.0 && begin < bands {
-                for band in begin..end.min(bands) {
-                    self.of_band[band].push(self.patches.len() as u32);
-                }
-                self.patches.push((first + index as u32, patch));
-            }
-        }
-    }
+/// First and last row that a patch may touch.
+fn rows_of(view: &RasterView, patch: &OrientedPolygon) -> [f32; 2] {
+    let origin = view.place(patch.center);
+    let corners = patch.footprint().iter();
+    let squared = corners.map(|[u, v]| u * u + v * v).fold(0.0, f32::max);
+    let reach = (squared + patch.thickness * patch.thickness).sqrt() * view.model_scale;
+    let row = view.window(origin).y;
+    let nearest = -origin.z - reach;
+    let px = if !view.is_perspective {
+        reach * view.focal_px
+    } else if nearest > view.near {
+        // Off the axis a ball is longer; twice the thickness for the margin.
+        let aside = origin.truncate().length() / -origin.z;
+        (reach + 2.0 * patch.thickness * view.model_scale) * view.focal_px / nearest * (1.0 + aside)
+    } else {
+        f32::INFINITY
+    };
+    [row - px - 1.0, row + px + 1.0]
 }
 
 /// Coordinates of the foot of a view-space point, within the rectangle around the footprint.
 fn foot_of(view: &RasterView, patch: &OrientedPolygon, point: Vec3) -> Vec2 {
-    let [u, v] = [patch.axis, patch.second_axis()];
-    let offset = view.to_model * (point - view.place(patch.center));
+    let [u, v] =
+        [patch.axis, patch.second_axis()].map(|axis| view.rotation * axis / view.model_scale);
+    let offset = (point - view.place(patch.center)) / view.model_scale;
     let corners = patch.footprint().iter().copied().map(Vec2::from_array);
     let (low, high) = corners.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), at| {
         (low.min(at), high.max(at))

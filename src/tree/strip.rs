@@ -183,6 +183,10 @@ impl StripCorners {
         }
         let farthest = farthest.max_element().sqrt() * (1.0 + 1e-6);
         let radius = node.radius;
+        if radius <= LEAST_RADIUS {
+            // Squares of such lengths vanish.
+            return (NodeStrip::SPHERE, radius);
+        }
         let Some(width) = width_code(widest.max_element().sqrt(), radius) else {
             return (NodeStrip::SPHERE, farthest);
         };
@@ -301,10 +305,13 @@ pub(super) fn ends(node: &Node) -> [(Vec3, f32); 2] {
 }
 
 /// Rounded-up code of a width, or `None` where the capsule is no gain.
+/// Least radius of a node with a capsule: the square of a 255th of it is above the smallest normal number.
+const LEAST_RADIUS: f32 = 1e-16;
+
 #[inline]
 fn width_code(width: f32, radius: f32) -> Option<u8> {
-    // Not: radius zero, infinite, or too wide.
-    if radius > 0.0 && width <= WIDEST * radius {
+    // Not: radius so small that its square is no number of full precision, infinite, or too wide.
+    if radius > LEAST_RADIUS && width <= WIDEST * radius {
         // One part in a million for the rounding on the way; at least one unit.
         Some((width / radius * 255.0 + 3e-4) as u8 + 1)
     } else {

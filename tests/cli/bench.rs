@@ -110,6 +110,8 @@ fn a_small_run_has_every_part_and_valid_rows() {
         "pop square, cut on the device, 1 px",
         "pop square by raster, lists of ids, 1 px",
         "pop square by raster, lists of records, 1 px",
+        "patches, usual tolerances",
+        "patches by raster, usual tolerances",
     ];
     for fill in ["1", "0.5", "0.125"] {
         let mut found = frames(fill);

@@ -206,6 +206,9 @@ fn listed_keys() -> Vec<&'static str> {
         .collect()
 }
 
+/// Beginnings of the tooltips of controls that no key has.
+const WITHOUT_KEYS: [&str; 3] = ["Draw a node as one polygon", "Error of", "Hold the shade"];
+
 /// Whether a tooltip names, in parentheses, a key that is listed.
 fn names_a_key(tip: &str) -> bool {
     let listed = listed_keys();
@@ -260,8 +263,10 @@ fn every_control_has_a_tooltip_with_its_key() {
         let mut stage = Stage::new();
         for control in stage.controls(&state) {
             let tip = stage.tooltip(&state, control.middle);
+            // Patches are set once for a model, in the panel or by --error.
+            let has_none = |text: &String| WITHOUT_KEYS.iter().any(|own| text.starts_with(own));
             assert!(
-                tip.iter().any(|text| names_a_key(text)),
+                tip.iter().any(|text| names_a_key(text) || has_none(text)),
                 "{control:?} has the tooltip {tip:?}, with {settings:?}"
             );
             if !names.contains(&control.name) && !control.is_disabled {
