@@ -431,7 +431,7 @@ fn a_photograph_is_its_own_pose() {
     let one = stage.frame(&view, &settings, &|index| index == 0, &[]);
     let [covered, far] = own_pose(&device, &model, &view, one, 0);
     // The wall fills the whole photograph but for a rim.
-    assert!(covered > 13_000, "{covered}");
+    assert!(covered > 12_500, "{covered}");
     assert_eq!(far, 0, "of {covered}");
     let all = stage.frame(&view, &settings, &|_| true, &[]);
     let [covered, far] = own_pose(&device, &model, &view, all, 0);

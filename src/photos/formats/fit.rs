@@ -91,7 +91,10 @@ pub(super) fn fit_to_files(scene: &mut PhotoScene) -> Result<(), PhotoError> {
     }
     let before = scene.points.len();
     // As far as cameras may be: distances beyond have no square.
-    let is_near = |point: &SparsePoint| point.position.abs().max_element() < 1e12;
+    let is_near = |point: &SparsePoint| {
+        let place = point.position;
+        place.is_finite() && place.abs().max_element() < 1e12
+    };
     scene.points.retain(is_near);
     if scene.points.len() < before {
         let lost = before - scene.points.len();
