@@ -163,8 +163,8 @@ fn closed_models_have_no_holes() {
                 let own = engine
                     .render(&view, &settings(rules(0.5, 1.0, 60.0)))
                     .unwrap();
-                // The processor's raster misses one pixel of a torus far off (docs/METHODS.md).
-                let most = usize::from(matches!(backend, Backend::Cpu));
+                // One pixel of a torus far off is missed by all (docs/METHODS.md).
+                let most = usize::from(name == "torus" && round == 3);
                 let found = holes(&whole, &own);
                 assert!(
                     found <= most,

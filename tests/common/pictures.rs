@@ -328,6 +328,12 @@ oracles! {
         picture_share(Color(1), 0, 5e-3),
         picture_share(Coverage(1), 0, 5e-3),
     ];
+    /// Error patches of the processor and a kept picture of a device. Margins of patches end square there, and of two
+    /// patches that are equally near the last bit of a depth decides: up to 85 of 16,384 pixels are of another patch.
+    GOLDEN_PATCHES: 0, &[
+        picture_share(Color(1), 0, 7e-3),
+        picture_share(Coverage(1), 0, 1e-3),
+    ];
 }
 
 impl PictureOracle {

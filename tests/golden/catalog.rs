@@ -119,7 +119,6 @@ const FAR: [f64; 3] = [30.0, 20.0, 0.4];
 const NEAR: [f64; 3] = [30.0, 20.0, 6.0];
 
 // Reasons of compute.
-const OTHER_MARGINS: &str = "margins of patches end square there; tests/patches.rs compares it";
 const OF_A_TREE: &str = "it draws blended, filtered and visibility splats of a tree";
 const TOO_LARGE: &str = "squares and discs of this size are cheaper to rasterize";
 const HEADLIGHT_ONLY: &str = "it knows the headlight only, and no colors by level, normal or depth";
@@ -203,8 +202,7 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
         with(case("patches", Pop, Square, 1.0), &|s| {
             s.patches = Some(PatchRules::default());
         })
-        .no_compute(OF_A_TREE)
-        .no_host(OTHER_MARGINS),
+        .no_compute(OF_A_TREE),
         with(case("patches-coarse", Pop, Square, 1.0), &|s| {
             let tolerances = ErrorTolerances {
                 rim_px: 1.0,
@@ -218,8 +216,7 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
             s.light = lamp;
         })
         .by_orbit(NEAR)
-        .no_compute(OF_A_TREE)
-        .no_host(OTHER_MARGINS),
+        .no_compute(OF_A_TREE),
         with(case("from-vertices", Splats, Square, 1.0), &|s| {
             s.vertex_splats = Some(SplatRules::default());
         })
