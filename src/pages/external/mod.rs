@@ -1,13 +1,13 @@
 //! Builds a paged file of a model that is larger than memory.
 //!
-//! The input is read as a stream, several times: once to count its leaves in cells ([`cells`]), once to distribute them
-//! to chunks of bounded size in a temporary file ([`spool`]), and of a surface once more for the vertices of each chunk. Each
+//! The input is read as a stream, several times: once to count its leaves in cells (`cells`), once to distribute them
+//! to chunks of bounded size in a temporary file (`spool`), and of a surface once more for the vertices of each chunk. Each
 //! chunk is then built in memory by the builder that there is, all of one depth, and its pages are written; few nodes above
-//! them join the chunks ([`skeleton`]). Where chunks of a surface meet, normals and places of vertices are those of the whole
-//! ([`borders`]).
+//! them join the chunks (`skeleton`). Where chunks of a surface meet, normals and places of vertices are those of the whole
+//! (`borders`).
 //!
 //! The file does not depend on threads or memory. A model of no more leaves than a chunk gives the file that
-//! [`super::write`] makes of it.
+//! `super::write` makes of it.
 
 mod borders;
 mod cells;
