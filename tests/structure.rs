@@ -162,6 +162,7 @@ const LAYERS: &[Layer] = &[
         &[
             "progress",
             "math",
+            "printable",
             "mesh",
             "input",
             "abi",

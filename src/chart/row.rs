@@ -160,10 +160,8 @@ pub fn read_rows(path: &Path) -> Result<Vec<ChartRow>, Error> {
                 fail(line, cause)
             })?;
             if row.choice().is_none() {
-                return Err(fail(
-                    0,
-                    format!("no choice: {} {} {}", row.method, row.splat, row.path),
-                ));
+                let cause = format!("no choice: {} {} {}", row.method, row.splat, row.path);
+                return Err(fail(0, printable(&cause, MOST_CHARS)));
             }
             Ok(row)
         })

@@ -4,6 +4,7 @@
 //! drawn: time passes and models arrive as events as well. So the same steps give the same pictures.
 
 use super::event::ViewerEvent;
+use crate::printable::{MOST_CHARS, printable};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -161,8 +162,8 @@ pub fn read(path: &Path) -> Result<Vec<RecordEntry>, Error> {
         if line.trim().is_empty() {
             continue;
         }
-        let entry: RecordEntry =
-            serde_json::from_str(line).map_err(|error| fail(number, error.to_string()))?;
+        let entry: RecordEntry = serde_json::from_str(line)
+            .map_err(|error| fail(number, printable(&error.to_string(), MOST_CHARS)))?;
         let before = entries.last().map_or(0, |e| e.step);
         if entry.step < before || entry.step - before > LARGEST_GAP {
             return Err(fail(
