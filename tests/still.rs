@@ -193,9 +193,8 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     let Settings {
         method: _,
         splat: _,
-        // A method of their own.
+        // A device refuses them.
         vertex_splats: _,
-        patches: _,
         blend: _,
         shading: _,
         sums: _,
@@ -219,7 +218,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         size: _,
         eye_dome: _,
         eye_dome_strength: _,
-        // tests/photos.rs has those.
+        // tests/photo_look.rs has those: photographs have to be given.
         photos: _,
         marks_uncovered: _,
         cut_view: _,
