@@ -522,7 +522,8 @@ fn the_choice_is_the_same_twice_and_stays_while_it_is_nearly_as_good() {
     };
     for (index, camera) in cameras().iter().enumerate() {
         let own = chosen(&pose(camera, &model), &[]);
-        assert!(own.len() == 2 && own.contains(&index), "{index}: {own:?}");
+        // Only what adds something is chosen.
+        assert!(own.len() <= 2 && own.contains(&index), "{index}: {own:?}");
     }
     // Along the arc the choice goes over once and does not come back; the one of the last frame goes over no sooner.
     let (mut last, mut fresh_changes, mut changes) = (Vec::new(), 0, 0);
