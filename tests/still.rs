@@ -193,8 +193,9 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     let Settings {
         method: _,
         splat: _,
-        // A device refuses them.
+        // A method of their own.
         vertex_splats: _,
+        patches: _,
         blend: _,
         shading: _,
         sums: _,
