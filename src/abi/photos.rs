@@ -1,16 +1,16 @@
-//! What shaders know of photographs.
+//! Records of photographs for shaders.
 
 use super::{constants, generated};
 use bytemuck::{Pod, Zeroable};
 
-/// What the passes that put photographs on the surface know of a frame: the uniform block of `shaders/common/photo_header.glsl`,
-/// where each field is explained.
+/// Uniform block of a frame for the passes that put photographs on the surface: `shaders/common/photo_header.glsl` explains
+/// each field.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PhotoHeader {
     /// Start of the ray of position (0, 0), model space; 1 where all rays start there.
     pub start: [f32; 4],
-    /// Its direction.
+    /// Direction of that ray.
     pub towards: [f32; 4],
     /// Change for a pixel to the right.
     pub right: [f32; 4],

@@ -134,7 +134,7 @@ impl StagedScene {
         })
     }
 
-    /// Those that are chosen for a view, decoded whole.
+    /// Photographs that are chosen for a view, decoded whole.
     pub(crate) fn frame(&mut self, view: &View) -> Arc<FramePhotos> {
         let settings = LookSettings::default();
         let chosen = self.stage.frame(view, &settings, &|_| true, &self.last);

@@ -127,7 +127,7 @@ macro_rules! counted {
             /// Stands for the function of this name.
             ///
             /// # Safety
-            /// As for that function.
+            /// The promises of that function.
             unsafe extern "system" fn $field($($arg: $kind),*) -> vk::Result {
                 match turn($name, $can_be_lost) {
                     // SAFETY: the arguments are the caller's, who keeps the promises of the function that this stands for.
@@ -211,7 +211,7 @@ unsafe fn no_pipelines(count: u32, out: *mut vk::Pipeline) {
 /// Stands for the function of this name.
 ///
 /// # Safety
-/// As for that function.
+/// The promises of that function.
 unsafe extern "system" fn create_graphics_pipelines(
     device: vk::Device,
     cache: vk::PipelineCache,
@@ -237,7 +237,7 @@ unsafe extern "system" fn create_graphics_pipelines(
 /// Stands for the function of this name.
 ///
 /// # Safety
-/// As for that function.
+/// The promises of that function.
 unsafe extern "system" fn create_compute_pipelines(
     device: vk::Device,
     cache: vk::PipelineCache,

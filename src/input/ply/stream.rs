@@ -23,17 +23,24 @@ const FACE_BYTES: u64 = 8 << 20;
 const GAP_BYTES: u64 = 16 << 10;
 const RANGE_BYTES: u64 = 8 << 20;
 
-/// An open file.
+/// An open file, and where its rows are.
 #[derive(Debug)]
-struct PlyStream<const BIG: bool> {
+struct PlyRows {
     file: RowFile,
     options: Options,
     vertex: Element,
     columns: VertexColumns,
+    /// Bytes of a vertex.
     stride: u64,
     /// Offset of the first vertex.
     vertices_at: u64,
     faces: Option<FaceRows>,
+}
+
+/// A file that is read piece by piece, most significant byte first when `BIG`.
+#[derive(Debug)]
+struct PlyStream<const BIG: bool> {
+    rows: PlyRows,
     /// Faces that the last reading has left out, and those whose first corner it has found again at the end.
     left_out: AtomicU64,
     repeated: AtomicU64,
@@ -68,33 +75,20 @@ pub(in crate::input) fn open_stream(
     if header.vertices == 0 || stride == 0 || end > file.length {
         return Ok(None);
     }
-    let faces = plan.faces.map(|(element, at)| FaceRows { element, at });
     let file_bytes = file.length;
-    let options = job.options.clone();
+    let rows = PlyRows {
+        options: job.options.clone(),
+        file,
+        vertex: element,
+        columns,
+        stride,
+        vertices_at,
+        faces: plan.faces.map(|(element, at)| FaceRows { element, at }),
+    };
     let is_big = header.encoding == Encoding::BigEndian;
     let stream: Box<dyn MeshStream> = match is_big {
-        true => Box::new(PlyStream::<true> {
-            file,
-            options,
-            vertex: element,
-            columns,
-            stride,
-            vertices_at,
-            faces,
-            left_out: AtomicU64::new(0),
-            repeated: AtomicU64::new(0),
-        }),
-        false => Box::new(PlyStream::<false> {
-            file,
-            options,
-            vertex: element,
-            columns,
-            stride,
-            vertices_at,
-            faces,
-            left_out: AtomicU64::new(0),
-            repeated: AtomicU64::new(0),
-        }),
+        true => Box::new(PlyStream::<true>::new(rows)),
+        false => Box::new(PlyStream::<false>::new(rows)),
     };
     Ok(Some(StreamedModel {
         stream,
@@ -181,6 +175,14 @@ fn can_stream(columns: &VertexColumns) -> bool {
 }
 
 impl<const BIG: bool> PlyStream<BIG> {
+    fn new(rows: PlyRows) -> Self {
+        Self {
+            rows,
+            left_out: AtomicU64::new(0),
+            repeated: AtomicU64::new(0),
+        }
+    }
+
     fn sink(&self) -> Sink {
         Sink {
             coordinates: Coordinates::Double(Vec::new()),
@@ -191,15 +193,21 @@ impl<const BIG: bool> PlyStream<BIG> {
             list: FaceList::default(),
             places: Vec::new(),
             face_places: super::FacePlaces::default(),
-            vertices: self.vertex.count,
+            vertices: self.rows.vertex.count,
         }
     }
 
     /// The vertices in whole rows.
     fn piece(&self, rows: &[u8]) -> VertexPiece {
         let mut sink = self.sink();
-        let stride = self.stride as usize;
-        fixed::read_vertices::<BIG>(rows, stride, &self.vertex, &self.columns, &mut sink);
+        let stride = self.rows.stride as usize;
+        fixed::read_vertices::<BIG>(
+            rows,
+            stride,
+            &self.rows.vertex,
+            &self.rows.columns,
+            &mut sink,
+        );
         normalize(&mut sink.normals);
         VertexPiece {
             positions: match sink.coordinates {
@@ -227,15 +235,15 @@ impl<const BIG: bool> PlyStream<BIG> {
             return Ok(None);
         };
         let bytes = count * stride as u64;
-        if at + bytes > self.file.length {
+        if at + bytes > self.rows.file.length {
             return Ok(None);
         }
-        let data = self.file.read(at, bytes)?;
+        let data = self.rows.file.read(at, bytes)?;
         let element = Element {
             count,
             ..faces.element.clone()
         };
-        let job = Job::new(&self.file.path, None, &self.options, &Silent);
+        let job = Job::new(&self.rows.file.path, None, &self.rows.options, &Silent);
         let read = fixed::read::<BIG>(&job, &data, &element, sink)?;
         Ok(read.map(|read| at + read as u64))
     }
@@ -250,8 +258,8 @@ impl<const BIG: bool> PlyStream<BIG> {
     ) -> Result<FaceProgress, Error> {
         let mut wanted = FACE_BYTES;
         loop {
-            let length = wanted.min(self.file.length.saturating_sub(at));
-            let data = self.file.read(at, length)?;
+            let length = wanted.min(self.rows.file.length.saturating_sub(at));
+            let data = self.rows.file.read(at, length)?;
             let count = whole_rows::<BIG>(&data, &faces.element).min(left);
             let is_all = length < wanted;
             if count == 0 && !is_all {
@@ -267,7 +275,7 @@ impl<const BIG: bool> PlyStream<BIG> {
                 },
                 ..faces.element.clone()
             };
-            let mut job = Job::new(&self.file.path, None, &self.options, &Silent);
+            let mut job = Job::new(&self.rows.file.path, None, &self.rows.options, &Silent);
             let mut source = Binary::<BIG>::new(&data, 0).behind(at);
             rows::read(&mut job, &mut source, &element, sink)?;
             let sink_list = std::mem::take(&mut sink.list);
@@ -298,7 +306,7 @@ impl<const BIG: bool> PlyStream<BIG> {
     }
 
     fn picked(&self, numbers: &[u32]) -> Result<VertexPiece, Error> {
-        let stride = self.stride;
+        let stride = self.rows.stride;
         let mut rows = Vec::with_capacity(numbers.len() * stride as usize);
         let mut rest = numbers;
         while let Some(&first) = rest.first() {
@@ -311,8 +319,9 @@ impl<const BIG: bool> PlyStream<BIG> {
             let (own, later) = rest.split_at(ends.map_or(rest.len(), |end| end + 1));
             let last = u64::from(own[own.len() - 1]);
             let data = self
+                .rows
                 .file
-                .read(self.vertices_at + start, (last + 1) * stride - start)?;
+                .read(self.rows.vertices_at + start, (last + 1) * stride - start)?;
             for &number in own {
                 let at = (u64::from(number) * stride - start) as usize;
                 rows.extend_from_slice(&data[at..at + stride as usize]);
@@ -359,19 +368,27 @@ fn whole_rows<const BIG: bool>(data: &[u8], element: &Element) -> u64 {
 impl<const BIG: bool> MeshStream for PlyStream<BIG> {
     fn facts(&self) -> StreamFacts {
         StreamFacts {
-            vertices: self.vertex.count,
-            faces: self.faces.as_ref().map_or(0, |faces| faces.element.count),
-            has_normals: self.columns.normal.is_some(),
-            has_colors: self.columns.color.is_some(),
+            vertices: self.rows.vertex.count,
+            faces: self
+                .rows
+                .faces
+                .as_ref()
+                .map_or(0, |faces| faces.element.count),
+            has_normals: self.rows.columns.normal.is_some(),
+            has_colors: self.rows.columns.color.is_some(),
         }
     }
 
     fn vertices(&self, take: &mut TakePiece<'_, VertexPiece>) -> Result<(), StreamError> {
-        let count = self.vertex.count;
+        let count = self.rows.vertex.count;
         for first in (0..count).step_by(PIECE) {
             let rows = (count - first).min(PIECE as u64);
-            let at = self.vertices_at + first * self.stride;
-            let data = self.file.read(at, rows * self.stride).map_err(boxed)?;
+            let at = self.rows.vertices_at + first * self.rows.stride;
+            let data = self
+                .rows
+                .file
+                .read(at, rows * self.rows.stride)
+                .map_err(boxed)?;
             take(&self.piece(&data))?;
         }
         Ok(())
@@ -379,15 +396,15 @@ impl<const BIG: bool> MeshStream for PlyStream<BIG> {
 
     fn vertices_at(&self, numbers: &[u32]) -> Result<VertexPiece, StreamError> {
         match numbers.last() {
-            Some(&last) if u64::from(last) >= self.vertex.count => {
-                Err(format!("vertex {last} of {}", self.vertex.count).into())
+            Some(&last) if u64::from(last) >= self.rows.vertex.count => {
+                Err(format!("vertex {last} of {}", self.rows.vertex.count).into())
             }
             _ => self.picked(numbers).map_err(boxed),
         }
     }
 
     fn triangles(&self, take: &mut TakePiece<'_, [[u32; 3]]>) -> Result<(), StreamError> {
-        let Some(faces) = &self.faces else {
+        let Some(faces) = &self.rows.faces else {
             return Ok(());
         };
         let (mut at, mut left) = (faces.at, faces.element.count);
