@@ -246,18 +246,31 @@ impl VertexGrid {
                 page_step(min, max, largest)
             })
             .collect();
-        // By place, not by number: where a surface is sewn of several vertices it stays closed.
+        let mut own = vec![0.0f64; positions.len()];
         for (root, &step) in roots.iter().zip(&steps) {
             for corner in corners(root) {
-                let own = coarsest.entry(place_key(positions[corner])).or_insert(step);
-                *own = own.max(step);
+                own[corner] = own[corner].max(step);
             }
         }
-        for position in &mut positions {
-            if let Some(&step) = coarsest.get(&place_key(*position)) {
+        // By place, not by number: where a surface is sewn of several vertices it stays closed.
+        let are_alike = coarsest.is_empty() && steps.windows(2).all(|pair| pair[0] == pair[1]);
+        if !are_alike {
+            let used = || positions.iter().zip(&own).filter(|(_, step)| **step > 0.0);
+            for (&position, &step) in used() {
+                let known = coarsest.entry(place_key(position)).or_insert(step);
+                *known = known.max(step);
+            }
+        }
+        let places = positions.par_iter_mut().zip(&own).with_min_len(4096);
+        places.for_each(|(position, &own)| {
+            let step = match are_alike {
+                true => own,
+                false => coarsest.get(&place_key(*position)).copied().unwrap_or(0.0),
+            };
+            if step > 0.0 {
                 *position = ((position.as_dvec3() / step).round() * step).as_vec3();
             }
-        }
+        });
         Self { steps, positions }
     }
 

@@ -52,9 +52,13 @@ pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
         .iter()
         .map(|&place| position(place, step as f32))
         .collect();
-    let corners = |leaf: usize| part.triangles[leaf].map(|index| positions[index as usize]);
-    let leaves: Vec<Leaf> = (0..part.triangles.len())
-        .map(|leaf| leaf_of(corners(leaf)))
+    let corners: Vec<[Vec3; 3]> = (part.triangles.iter())
+        .map(|triangle| triangle.map(|index| positions[index as usize]))
+        .collect();
+    let leaves: Vec<Leaf> = corners.iter().map(|&own| leaf_of(own)).collect();
+    // Every node looks at all that is below it: normals are made once.
+    let normals: Vec<DVec3> = (corners.iter())
+        .map(|&own| geometric_normal(own).0)
         .collect();
     let (spheres, root) = grown(tree, &leaves, base);
     let (codes, decoded) = nodes::encode_spheres(tree, &spheres, root);
@@ -64,10 +68,10 @@ pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
     let mut strips = Vec::new();
     for (id, node) in tree.nodes.iter().enumerate() {
         let range = tree.leaf_range(id as u32);
+        let range = range.start as usize..range.end as usize;
         let below = PageTriangles {
-            corners: (range.start as usize..range.end as usize)
-                .map(corners)
-                .collect(),
+            corners: &corners[range.clone()],
+            normals: &normals[range],
             sphere: decoded[id],
         };
         let normal = nodes::normal_code(&tree.attributes[id]);
@@ -148,31 +152,30 @@ fn splat_radius(sphere: &PageSphere, code: u8) -> f32 {
 }
 
 /// The triangles below a node, and its decoded sphere.
-struct PageTriangles {
-    corners: Vec<[Vec3; 3]>,
+struct PageTriangles<'a> {
+    corners: &'a [[Vec3; 3]],
+    /// Unit normals, zero where there is none.
+    normals: &'a [DVec3],
     sphere: PageSphere,
 }
 
-impl PageTriangles {
+impl PageTriangles<'_> {
     /// The code of the cone of all normals, and the special bit.
     fn cone(&self, normal: u16, node: &Node) -> (u8, bool) {
         let axis = decode_normal(normal).as_dvec3();
-        let (mut sine, mut any) = (0.0f64, false);
-        for &corners in &self.corners {
-            let (own, _) = geometric_normal(corners);
+        let (mut square, mut any, mut is_wide) = (0.0f64, false, false);
+        for &own in self.normals {
             if own == DVec3::ZERO {
                 continue;
             }
             any = true;
-            sine = if own.dot(axis) > 0.0 {
-                sine.max(own.cross(axis).length() + 1e-6)
-            } else {
-                1.0
-            };
+            is_wide |= own.dot(axis) <= 0.0;
+            square = square.max(own.cross(axis).length_squared());
         }
         if !any {
             return (0, true);
         }
+        let sine = if is_wide { 1.0 } else { square.sqrt() + 1e-6 };
         if node.flags & Node::UNCULLED != 0 || normal == NO_NORMAL {
             return (3, node.flags & Node::UNCULLED != 0);
         }
@@ -188,8 +191,11 @@ impl PageTriangles {
 
     /// The least radius that reaches all corners.
     fn radius_code(&self) -> u8 {
-        let most = self.each().map(|v| v.length()).fold(0.0, f32::max) * (1.0 + 1e-6);
-        (0..255)
+        let squares = self.each().map(|v| v.length_squared());
+        let most = squares.fold(0.0, f32::max).sqrt() * (1.0 + 1e-6);
+        // The cast saturates. Two below are too small for sure.
+        let first = (most / self.sphere.radius * 255.0 - 2.0) as u8;
+        (first..255)
             .find(|&code| splat_radius(&self.sphere, code) >= most)
             .unwrap_or(255)
     }
