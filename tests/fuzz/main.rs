@@ -218,7 +218,7 @@ fn broken_promises_are_seen() {
     ];
     let _alone = alone();
     let scratch = scratch();
-    let wanted = ["no bytes wanted", "takes 83886", "a promise", ""];
+    let wanted = ["no bytes wanted", "bytes for a file of 3", "a promise", ""];
     for (target, wanted) in FAULTS.iter().zip(wanted) {
         let mut runner = TargetRunner::with(target, Vec::new(), &scratch);
         runner.run("a", b"abc");
