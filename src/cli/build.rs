@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use surfel::mesh::stream::JoinedStream;
 use surfel::open::{ModelSource, external_options, open_stream};
-use surfel::pages::external::{self, ExternalError};
-use surfel::pages::{self, write::PagedOptions};
+use surfel::pages::external::{self, ExternalError, ExternalOptions};
+use surfel::pages::write::PagedOptions;
 use surfel::tree;
 
 /// Build the tree of a model and write it to a file that opens at once.
@@ -28,6 +28,9 @@ pub(crate) struct Args {
     /// Write the paged kind: a fifth of the bytes, positions and normals rounded
     #[arg(long)]
     paged: bool,
+    /// Leaves of a page at most, 16 to 16384: small pages bring less that is not needed, large ones take fewer bytes
+    #[arg(long, value_name = "N", default_value_t = PagedOptions::default().page_leaves, value_parser = parse_page_leaves)]
+    page_leaves: usize,
     /// Read and build the model piece by piece with about this much memory, such as 1GiB; writes the paged kind
     #[arg(long, value_name = "SIZE", value_parser = parse_memory)]
     memory: Option<u64>,
@@ -40,6 +43,22 @@ fn parse_memory(text: &str) -> Result<u64, String> {
     match parse_bytes(text)? {
         bytes if bytes >= LEAST_MEMORY => Ok(bytes),
         _ => Err("at least 256MiB are needed".to_owned()),
+    }
+}
+
+fn parse_page_leaves(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count) if (16..=16_384).contains(&count) => Ok(count),
+        _ => Err("expected a number from 16 to 16384".to_owned()),
+    }
+}
+
+impl Args {
+    fn pages(&self) -> PagedOptions {
+        PagedOptions {
+            page_leaves: self.page_leaves,
+            ..PagedOptions::default()
+        }
     }
 }
 
@@ -89,7 +108,10 @@ fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Resu
         ));
     }
     let start = Instant::now();
-    let options = external_options(&options, memory);
+    let options = ExternalOptions {
+        pages: args.pages(),
+        ..external_options(&options, memory)
+    };
     let built = external::build(stream.as_ref(), &options, output, &bar);
     drop(bar);
     let report = built.map_err(|error| match error {
@@ -155,12 +177,13 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     {
         return Ok(());
     }
+    let pages = args.pages();
     let is_paged = args.paged || args.memory.is_some();
     let ready = args.source.open(quiet)?;
     let start = Instant::now();
     // The model was good; only the file can fail here, and that is no bad input.
     let written = if is_paged {
-        pages::write::write(&ready.model, &PagedOptions::default(), &output)
+        surfel::pages::write::write(&ready.model, &pages, &output)
     } else {
         tree::file::write(&ready.model, &output)
     };
