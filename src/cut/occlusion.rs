@@ -59,6 +59,14 @@ impl SoftwareDepthBuffer {
         }
         true
     }
+
+    /// The same where nothing is asked for that others may hide: it has no pixels, so that a small model does not cost as much
+    /// as the whole picture.
+    pub(super) fn clear_unasked(&mut self, width: u32, height: u32) -> bool {
+        self.pixels.clear();
+        (self.width, self.height) = (width, height);
+        width < 1 << 16 && height < 1 << 16
+    }
 }
 
 /// What is asked of [`SoftwareDepthBuffer`] for a node or leaf: whether these pixels all have something nearer than this.

@@ -30,6 +30,15 @@ pub fn usual_budget() -> u64 {
     free.map_or(UNKNOWN, |free| (free / 2).min(MOST))
 }
 
+/// What taking in a page changed.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct CacheChange {
+    /// The page is in memory.
+    pub is_held: bool,
+    /// Numbers of the pages that went for it.
+    pub gone: Vec<u32>,
+}
+
 /// Pages by number. What was needed least recently goes first; what the present frame needs stays.
 #[derive(Debug)]
 pub struct PageCache {
@@ -98,16 +107,19 @@ impl PageCache {
     }
 
     /// Takes a page in, as one that the present frame needs, and lets others go until all fit. A page that does not fit
-    /// beside what the present frame needs is not taken: false. The first page of all always is.
-    pub fn insert(&mut self, id: u32, page: Arc<DecodedPage>) -> bool {
+    /// beside what the present frame needs is not taken. The first page of all always is.
+    pub fn insert(&mut self, id: u32, page: Arc<DecodedPage>) -> CacheChange {
         let bytes = page.memory_bytes();
+        let mut change = CacheChange::default();
         if self.pages.contains_key(&id) {
             self.need(id);
-            return true;
+            change.is_held = true;
+            return change;
         }
         if self.pinned + bytes > self.budget && !self.pages.is_empty() {
-            return false;
+            return change;
         }
+        change.is_held = true;
         self.bytes += bytes;
         self.pinned += bytes;
         self.order.insert((self.frame, id));
@@ -124,8 +136,9 @@ impl PageCache {
             if let Some(gone) = self.pages.remove(&oldest) {
                 self.bytes -= gone.bytes;
             }
+            change.gone.push(oldest);
         }
-        true
+        change
     }
 }
 
@@ -164,7 +177,7 @@ mod tests {
         assert!(cache.is_empty());
         for id in [5, 6, 7] {
             cache.begin_frame(&[]);
-            assert!(cache.insert(id, page.clone()));
+            assert!(cache.insert(id, page.clone()).is_held);
         }
         assert_eq!(
             (ids(&cache), cache.bytes(), cache.len()),
@@ -172,20 +185,22 @@ mod tests {
         );
         // 5 is needed again, so 6 is the oldest.
         cache.begin_frame(&[5, 19]);
-        assert!(cache.insert(8, page.clone()));
+        let change = cache.insert(8, page.clone());
+        assert_eq!((change.is_held, change.gone), (true, vec![6]));
         assert_eq!(ids(&cache), [5, 7, 8]);
         // All that fits is needed: nothing more comes in.
         cache.begin_frame(&[5, 7, 8]);
-        assert!(!cache.insert(9, page.clone()));
-        assert!(cache.insert(8, page.clone()));
+        assert_eq!(cache.insert(9, page.clone()), CacheChange::default());
+        assert!(cache.insert(8, page.clone()).is_held);
         assert_eq!(ids(&cache), [5, 7, 8]);
         cache.begin_frame(&[8]);
-        assert!(cache.insert(9, page.clone()) && cache.insert(10, page.clone()));
+        assert_eq!(cache.insert(9, page.clone()).gone, [5]);
+        assert_eq!(cache.insert(10, page.clone()).gone, [7]);
         assert_eq!(ids(&cache), [8, 9, 10]);
         assert_eq!(cache.bytes(), 3 * bytes);
         // However small the budget, the first page is there.
         let mut small = PageCache::new(1);
-        assert!(small.insert(0, page.clone()) && !small.insert(1, page));
+        assert!(small.insert(0, page.clone()).is_held && !small.insert(1, page).is_held);
         assert_eq!(ids(&small), [0]);
     }
 }

@@ -87,7 +87,8 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
             }
         };
         let tree = &page.model.tree;
-        report.nodes += tree.nodes.len() as u64;
+        let below = page.children.as_ref();
+        report.nodes += below.map_or(tree.nodes.len(), |below| below.own_nodes(tree)) as u64;
         let own = tree.nodes.first().map(|node| (node.center, node.radius));
         let own = own.or_else(|| tree.leaves.first().map(|leaf| (leaf.center, leaf.radius)));
         if let (Some((center, radius)), Some((outer, reach))) = (own, outer) {
@@ -103,11 +104,11 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
         match &page.children {
             None => report.leaves += tree.leaves.len() as u64,
             Some(below) => {
-                for (&entry, leaf) in below.entries.iter().zip(tree.leaves.iter()) {
-                    let outer = (leaf.center.as_dvec3(), f64::from(leaf.radius));
+                for (index, &entry) in below.entries.iter().enumerate() {
+                    let (center, radius) = below.sphere(tree, index);
                     waiting.push_back(ExpectedPage {
                         entry,
-                        outer: Some(outer),
+                        outer: Some((center.as_dvec3(), f64::from(radius))),
                     });
                 }
             }

@@ -1,7 +1,7 @@
 //! The cut over the pages that are in memory, and the pages that it wants.
 //!
-//! Each page is cut as a small model by the same tests as a whole one. The leaves of an upper page are the roots of the
-//! pages below: one that is small enough is drawn as it is; of one that is not, the page is cut where it is in memory, and
+//! Each page is cut as a small model by the same tests as a whole one. The leaves of an upper page are nodes of the pages
+//! below: one that is small enough is drawn as it is; of one that is not, the page is cut where it is in memory, and
 //! else it is wanted and drawn as it is meanwhile. So nothing is ever missing, only coarser.
 
 use super::format::PageEntry;
@@ -68,8 +68,53 @@ pub struct PageTests<'a> {
 #[derive(Debug, Default)]
 struct PageVerdict {
     cut: Cut,
-    /// Pages below it that are too large to be drawn as one splat, whether they are there or not.
-    open: Vec<WantedPage>,
+    /// Pages below it with a leaf that is too large to be drawn as a splat, whether they are there or not, in their order.
+    open: Vec<OpenPage>,
+    /// Those leaves, ascending.
+    large: Vec<u32>,
+}
+
+/// A page below another.
+#[derive(Debug, Clone, Copy)]
+struct OpenPage {
+    /// Index of its entry.
+    index: usize,
+    wanted: WantedPage,
+}
+
+impl PageVerdict {
+    /// Leaves what is below pages in memory to these, and draws the leaves of those that are missing. Puts the former into `band`,
+    /// the latter into `missing`.
+    fn settle(
+        &mut self,
+        page: &DecodedPage,
+        pages: &(dyn ResidentPages + Sync),
+        (band, missing): (&mut Vec<WantedPage>, &mut Vec<WantedPage>),
+    ) {
+        let Some(below) = &page.children else { return };
+        let tree = &page.model.tree;
+        let mut is_open = vec![false; below.entries.len()];
+        for open in &self.open {
+            is_open[open.index] = pages.page(open.wanted.entry.id).is_some();
+            match is_open[open.index] {
+                true => band.push(open.wanted),
+                false => missing.push(open.wanted),
+            }
+        }
+        let cut = &mut self.cut;
+        let is_left = |index: usize| !is_open.get(index).copied().unwrap_or(false);
+        if below.shared_levels > 0 && !self.open.is_empty() {
+            let is_own = |node: u32| below.page_of_node(node).is_none_or(is_left);
+            cut.nodes.retain(|&node| is_own(node));
+            cut.strips.retain(|strip| is_own(strip.node));
+            cut.leaves
+                .retain(|&leaf| is_left(below.page_of_leaf(tree, leaf)));
+        }
+        let large = self.large.iter();
+        let drawn = large.filter(|&&leaf| is_left(below.page_of_leaf(tree, leaf)));
+        cut.leaves.extend(drawn);
+        cut.leaves.sort_unstable();
+    }
 }
 
 /// Cuts over pages, and keeps its working memory from one to the next.
@@ -127,20 +172,10 @@ impl PageCutSelector {
                 found.iter_mut(),
                 |worker, (id, page, verdict)| look_at(worker, *id, page, tests, verdict),
             );
-            for (id, page, PageVerdict { mut cut, open }) in found {
+            for (id, page, mut verdict) in found {
                 out.needed.push(id);
-                for wanted in open {
-                    if pages.page(wanted.entry.id).is_some() {
-                        band.push(wanted);
-                    } else {
-                        let below = page.children.as_ref();
-                        let first = below.and_then(|below| below.entries.first());
-                        let leaf = first.map_or(0, |first| wanted.entry.id - first.id);
-                        cut.leaves.push(leaf);
-                        out.wanted.push(wanted);
-                    }
-                }
-                cut.leaves.sort_unstable();
+                verdict.settle(&page, pages, (&mut band, &mut out.wanted));
+                let cut = verdict.cut;
                 out.stats.add(&cut.stats);
                 let is_empty = cut.nodes.is_empty()
                     && cut.strips.is_empty()
@@ -173,7 +208,7 @@ fn look_at(
         settings,
         choose,
     } = tests;
-    let PageVerdict { cut, open } = verdict;
+    let PageVerdict { cut, open, large } = verdict;
     choose(selector, id, page, cut);
     let Some(below) = &page.children else {
         return;
@@ -198,11 +233,17 @@ fn look_at(
         }
         if tester.is_small(sphere.center, sphere.radius) {
             cut.leaves.push(leaf);
-        } else {
-            open.push(WantedPage {
-                entry: below.entries[leaf as usize],
-                size_px: tester.size_px(sphere.center, sphere.radius) as f32,
-            });
+            continue;
+        }
+        large.push(leaf);
+        let index = below.page_of_leaf(&page.model.tree, leaf);
+        if open.last().is_none_or(|last| last.index != index) {
+            let (center, radius) = below.sphere(&page.model.tree, index);
+            let wanted = WantedPage {
+                entry: below.entries[index],
+                size_px: tester.size_px(center, radius) as f32,
+            };
+            open.push(OpenPage { index, wanted });
         }
     }
 }
@@ -271,10 +312,20 @@ mod tests {
             let mut starts: Vec<u32> = joined.tree.level_starts[level..].to_vec();
             for entry in wanted {
                 let page = file.read_page(&entry, in_space_of(file)).unwrap();
-                levels = page.model.tree.level_count();
+                let tree = &page.model.tree;
+                let count = tree.level_count();
+                levels = count
+                    - page
+                        .children
+                        .as_ref()
+                        .map_or(0, |below| below.shared_levels);
                 known.places.insert(entry.id, (starts.clone(), next_leaf));
-                for (l, start) in starts.iter_mut().enumerate().take(levels) {
-                    *start += page.model.tree.level(l).len() as u32;
+                for (l, start) in starts.iter_mut().enumerate().take(count) {
+                    *start += tree.level(l).len() as u32;
+                }
+                // The leaves of an upper page are nodes of the model.
+                if page.children.is_some() {
+                    starts[count] += tree.leaf_count();
                 }
                 match &page.children {
                     Some(children) => below.extend(children.entries.iter().copied()),
@@ -301,11 +352,8 @@ mod tests {
             }
             for &leaf in &part.cut.leaves {
                 let is_new = match &part.page.children {
-                    // The root of the page below: the first of its places.
-                    Some(below) => {
-                        let id = below.entries[leaf as usize].id;
-                        out[0].insert(known.places[&id].0[0])
-                    }
+                    // A node of the page below.
+                    Some(_) => out[0].insert(starts[tree.level_count()] + leaf),
                     None => out[1].insert(first_leaf + leaf),
                 };
                 assert!(is_new);

@@ -1,14 +1,17 @@
 //! A part of a model as a model of its own: what a page is made from.
 
 use super::mix_hash::MixMap;
+use super::page_tops::PageTop;
 use crate::abi::Vertex;
-use crate::tree::{AlignedRecords, Leaf, Model, Node, NodeAttributes, Tree};
+use crate::tree::{
+    AlignedRecords, Leaf, Model, Moments, Node, NodeAttributes, NodeRecords, NormalCone, Tree,
+};
 use glam::Vec3;
 use std::ops::Range;
 
 /// The nodes of each level below `root` down to level `last` (not included), then the children of the last one, which are
 /// leaves where that is the model's last level.
-fn levels_below(tree: &Tree, root: u32, last: usize) -> Vec<Range<u32>> {
+pub(super) fn levels_below(tree: &Tree, root: u32, last: usize) -> Vec<Range<u32>> {
     let first = tree.level_of(root);
     let mut levels: Vec<Range<u32>> = std::iter::once(root..root + 1).collect();
     for _ in first..last {
@@ -147,7 +150,7 @@ pub(super) struct UpperNodes {
 
 /// The part from a node down to level `last`, whose nodes are its leaves: points with the nodes' spheres, normals, colors.
 /// Nodes and attributes are those given, by the numbers of the model.
-pub(super) fn upper_part(model: &Model, upper: &UpperNodes, root: u32, last: usize) -> Model {
+pub(super) fn upper_part(model: &Model, upper: &UpperNodes, root: u32, last: usize) -> UpperPart {
     let tree = &model.tree;
     let levels = levels_below(tree, root, last);
     let mut part = Model {
@@ -164,24 +167,104 @@ pub(super) fn upper_part(model: &Model, upper: &UpperNodes, root: u32, last: usi
         part.tree.attributes[at] = upper.attributes[id as usize];
     }
     let roots = levels[levels.len() - 1].clone();
-    for (leaf, id) in part.tree.leaves.iter_mut().zip(roots.clone()) {
-        let node = &upper.nodes[id as usize];
-        *leaf = Leaf {
-            center: node.center,
-            radius: node.radius,
-        };
-    }
-    part.vertices = roots
-        .map(|id| {
-            let own = &upper.attributes[id as usize];
-            let [r, g, b, _] = own.color;
+    let records = roots.map(|id| NodeRecords {
+        node: upper.nodes[id as usize],
+        attributes: upper.attributes[id as usize],
+        moments: Moments::default(),
+    });
+    let cones = set_leaves(&mut part, &records.collect::<Vec<_>>());
+    UpperPart { part, cones }
+}
+
+/// Records of nodes, laid out as those of trees are.
+fn of_tree<T: bytemuck::Pod>(records: &[T]) -> AlignedRecords<T> {
+    let mut copy = AlignedRecords::of_tree(records.len());
+    copy.copy_from_slice(records);
+    copy
+}
+
+/// A part of the nodes above the leaf pages.
+pub(super) struct UpperPart {
+    pub(super) part: Model,
+    /// Cone of each leaf.
+    pub(super) cones: Vec<NormalCone>,
+}
+
+/// Makes nodes the leaves of a part: points with their spheres, normals and colors. Returns their cones.
+fn set_leaves(part: &mut Model, records: &[NodeRecords]) -> Vec<NormalCone> {
+    let leaves: Vec<Leaf> = (records.iter())
+        .map(|own| Leaf {
+            center: own.node.center,
+            radius: own.node.radius,
+        })
+        .collect();
+    part.tree.leaves = AlignedRecords::from(leaves.as_slice());
+    part.vertices = (records.iter())
+        .map(|own| {
+            let [r, g, b, _] = own.attributes.color;
+            let alpha = if own.attributes.has_normal() { 255 } else { 0 };
             Vertex {
-                position: upper.nodes[id as usize].center,
-                normal: own.normal,
-                color: [r, g, b, if own.has_normal() { 255 } else { 0 }],
+                position: own.node.center,
+                normal: own.attributes.normal,
+                color: [r, g, b, alpha],
             }
         })
         .collect();
     part.used_vertices = part.vertices.len() as u32;
-    part
+    records.iter().map(|own| own.node.cone).collect()
+}
+
+/// A part whose leaves are the roots of leaf pages, with the first levels of these below it: `tops` in the order of the leaves,
+/// `shared` levels of nodes and one that become the leaves.
+pub(super) fn with_tops(upper: UpperPart, tops: &[PageTop], shared: usize) -> UpperPart {
+    if shared == 0 {
+        return upper;
+    }
+    let mut part = upper.part;
+    let old = &part.tree;
+    let mut records: Vec<NodeRecords> = (0..old.nodes.len())
+        .map(|id| NodeRecords {
+            node: old.nodes[id],
+            attributes: old.attributes[id],
+            moments: old.moments[id],
+        })
+        .collect();
+    let mut level_starts = old.level_starts.clone();
+    let mut own: Vec<Range<usize>> = vec![0..1; tops.len()];
+    for _ in 0..shared {
+        for (PageTop(top), own) in tops.iter().zip(&mut own) {
+            let level = &top[own.clone()];
+            records.extend_from_slice(level);
+            let below: usize = level.iter().map(|r| usize::from(r.node.child_count)).sum();
+            *own = own.end..own.end + below;
+        }
+        level_starts.push(records.len() as u32);
+    }
+    let leaves: Vec<NodeRecords> = (tops.iter().zip(own))
+        .flat_map(|(PageTop(top), own)| top[own].iter().copied())
+        .collect();
+    // Children follow one another from level to level.
+    for (level, ends) in level_starts.windows(2).enumerate() {
+        let is_last = level + 2 == level_starts.len();
+        let mut child = if is_last { 0 } else { ends[1] };
+        for NodeRecords { node, .. } in &mut records[ends[0] as usize..ends[1] as usize] {
+            node.first_child = child;
+            child += u32::from(node.child_count);
+            node.flags &= !Node::LEAF_CHILDREN;
+            node.flags |= if is_last { Node::LEAF_CHILDREN } else { 0 };
+        }
+    }
+    let nodes: Vec<Node> = records.iter().map(|own| own.node).collect();
+    let attributes: Vec<NodeAttributes> = records.iter().map(|own| own.attributes).collect();
+    let moments: Vec<Moments> = records.iter().map(|own| own.moments).collect();
+    part.tree = Tree {
+        nodes: of_tree(&nodes),
+        attributes: of_tree(&attributes),
+        moments: AlignedRecords::from(moments.as_slice()),
+        level_starts,
+        ..Tree::default()
+    };
+    let cones = set_leaves(&mut part, &leaves);
+    link(&mut part.tree);
+    UpperPart { part, cones }
 }

@@ -59,6 +59,15 @@ pub fn whole_model(file: &PagedFile, progress: &dyn Progress) -> Result<Model, E
     Ok(model)
 }
 
+/// Levels of nodes of a page that no page below has.
+fn own_levels(page: &DecodedPage) -> usize {
+    let shared = page
+        .children
+        .as_ref()
+        .map_or(0, |below| below.shared_levels);
+    page.model.tree.level_count() - shared
+}
+
 fn join(file: &PagedFile, bands: &[Vec<DecodedPage>]) -> Option<Model> {
     let header = file.header();
     let mut model = Model {
@@ -72,17 +81,20 @@ fn join(file: &PagedFile, bands: &[Vec<DecodedPage>]) -> Option<Model> {
         ..Model::default()
     };
     let all = || bands.iter().flatten();
-    let count: usize = all().map(|page| page.model.tree.nodes.len()).sum();
+    let own_nodes = |page: &DecodedPage| match &page.children {
+        Some(below) => below.own_nodes(&page.model.tree),
+        None => page.model.tree.nodes.len(),
+    };
+    let count: usize = all().map(own_nodes).sum();
     let mut nodes = AlignedRecords::<Node>::of_tree(count);
     let mut attributes = AlignedRecords::<NodeAttributes>::of_tree(count);
     let mut level_starts = vec![0u32];
     let mut at = 0;
     for (index, band) in bands.iter().enumerate() {
         let is_lowest = index + 1 == bands.len();
-        let levels = band.first()?.model.tree.level_count();
-        let is_alike = |page: &DecodedPage| {
-            page.model.tree.level_count() == levels && page.children.is_none() == is_lowest
-        };
+        let levels = own_levels(band.first()?);
+        let is_alike =
+            |page: &DecodedPage| own_levels(page) == levels && page.children.is_none() == is_lowest;
         if !band.iter().all(is_alike) {
             return None;
         }

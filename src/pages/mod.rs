@@ -20,6 +20,7 @@ pub mod join;
 pub mod loader;
 mod mix_hash;
 pub mod page;
+mod page_tops;
 pub mod qs;
 pub mod quantize;
 pub mod source;

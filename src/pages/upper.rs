@@ -1,8 +1,11 @@
 //! The pages above the leaf pages of a file: their nodes, and their directory.
 
-use super::extract::{UpperNodes, upper_part};
+use super::extract::{UpperNodes, UpperPart, upper_part, with_tops};
 use super::format::{HEADER, LARGEST_PAGE, PageEntry, PagedHeader};
-use super::page::{DecodeOptions, EncodedPage, UpperPlace, decode, encode_upper, upper_bytes};
+use super::page::{
+    DecodeOptions, EncodedPage, UpperCounts, UpperPlace, decode, encode_upper, upper_bytes,
+};
+use super::page_tops::{PageTop, TopSize, TopSource};
 use super::quantize::PageSphere;
 use crate::math::cone::{DirectionCap, sin_around};
 use crate::math::sphere::round_up;
@@ -13,6 +16,9 @@ use std::ops::Range;
 
 /// Levels of an upper page: at most 4⁵ pages below it.
 const UPPER_LEVELS: usize = 5;
+
+/// The same of those right above leaf pages whose first levels they have as well.
+const SHARING_LEVELS: usize = 4;
 
 /// A leaf page as those above it need it.
 #[derive(Debug, Clone, Copy)]
@@ -25,11 +31,16 @@ pub(super) struct LeafPageFacts {
 }
 
 impl LeafPageFacts {
-    /// Decodes a page just written.
+    /// Decodes a page just written, which was made of what is below a node of the model. Gives its first levels, too.
     ///
     /// # Errors
     /// The page cannot be decoded, which no page of ours does.
-    pub(super) fn of(page: &EncodedPage) -> Result<Self, Error> {
+    pub(super) fn of(
+        page: &EncodedPage,
+        model: &Model,
+        root: Option<u32>,
+        shared: usize,
+    ) -> Result<(Self, PageTop), Error> {
         let decoded = decode(&page.bytes, DVec3::ZERO, DecodeOptions::default());
         let decoded = decoded.map_err(|(offset, cause)| Error::File {
             path: "a page just written".into(),
@@ -38,12 +49,14 @@ impl LeafPageFacts {
         })?;
         let tree = &decoded.model.tree;
         let first = tree.nodes.first().zip(tree.attributes.first());
-        Ok(Self {
+        let facts = Self {
             bytes: page.bytes.len(),
             checksum: hash(&page.bytes),
             root: page.root,
             first: first.map(|(node, own)| (node.cone, node.flags, *own)),
-        })
+        };
+        let top = root.map(|root| PageTop::of(&decoded, model, root, shared));
+        Ok((facts, top.unwrap_or_default()))
     }
 }
 
@@ -53,6 +66,10 @@ pub(super) struct LeafPages<'a> {
     pub(super) level: usize,
     /// One for each node of the level.
     pub(super) pages: &'a [LeafPageFacts],
+    /// Their sizes in the pages above.
+    pub(super) sizes: &'a [TopSize],
+    /// Levels that the pages above have as well.
+    pub(super) shared: usize,
     /// The farthest that a vertex was moved.
     pub(super) moved: f64,
 }
@@ -65,8 +82,11 @@ pub(super) struct UpperPages {
 }
 
 /// Levels of the tree at which pages begin, from the top; the last is that of the leaf pages.
-fn bands(leaf_level: usize) -> Vec<usize> {
+fn bands(leaf_level: usize, shared: usize) -> Vec<usize> {
     let mut bands = vec![leaf_level];
+    if shared > 0 && leaf_level > 0 {
+        bands.insert(0, leaf_level.saturating_sub(SHARING_LEVELS));
+    }
     while let Some(&top) = bands.first()
         && top > 0
     {
@@ -93,13 +113,47 @@ fn counts(tree: &Tree, root: u32, levels: Range<usize>) -> (usize, Range<u32>) {
     (nodes, own)
 }
 
+/// Numbers of records of the page from `root` in level `levels.start` on, and the roots of the pages below it. `sizes` are
+/// those of the leaf pages where these are below it.
+fn upper_counts(
+    tree: &Tree,
+    root: u32,
+    levels: Range<usize>,
+    sizes: Option<&[TopSize]>,
+) -> (UpperCounts, Range<u32>) {
+    let first = tree.level(levels.end).start;
+    let (nodes, roots) = counts(tree, root, levels);
+    let mut counts = UpperCounts {
+        nodes,
+        leaves: roots.len(),
+        pages: roots.len(),
+        is_shared: false,
+    };
+    let own =
+        sizes.and_then(|all| all.get((roots.start - first) as usize..(roots.end - first) as usize));
+    if let Some(sizes) = own
+        && sizes.iter().any(|size| *size != TopSize::ALONE)
+    {
+        counts.nodes += sizes.iter().map(|size| size.nodes as usize).sum::<usize>();
+        counts.leaves = sizes.iter().map(|size| size.leaves as usize).sum();
+        counts.is_shared = true;
+    }
+    (counts, roots)
+}
+
 /// Bytes of all pages above the leaf pages, by the links of the tree alone.
-pub(super) fn upper_length(tree: &Tree, leaf_level: usize) -> u64 {
-    let bands = bands(leaf_level);
+pub(super) fn upper_length(
+    tree: &Tree,
+    leaf_level: usize,
+    sizes: &[TopSize],
+    shared: usize,
+) -> u64 {
+    let bands = bands(leaf_level, shared);
     let of_band = |pair: &[usize]| -> u64 {
+        let sizes = (pair[1] == leaf_level).then_some(sizes);
         let pages = tree.level(pair[0]).map(|root| {
-            let (nodes, leaves) = counts(tree, root, pair[0]..pair[1]);
-            upper_bytes(nodes, leaves.len()) as u64
+            let (counts, _) = upper_counts(tree, root, pair[0]..pair[1], sizes);
+            upper_bytes(counts) as u64
         });
         pages.sum()
     };
@@ -110,7 +164,7 @@ pub(super) fn upper_length(tree: &Tree, leaf_level: usize) -> u64 {
 fn page_places(
     tree: &Tree,
     bands: &[usize],
-    leaves: &[LeafPageFacts],
+    leaves: &LeafPages<'_>,
 ) -> Result<Vec<Vec<PageEntry>>, Error> {
     let page_count: usize = bands.iter().map(|&level| level_len(tree, level)).sum();
     if page_count > u32::MAX as usize {
@@ -126,11 +180,11 @@ fn page_places(
         let mut own = Vec::new();
         for index in 0..level_len(tree, level) {
             let bytes = match bands.get(band + 1) {
-                None => leaves.get(index).map_or(0, |page| page.bytes),
+                None => leaves.pages.get(index).map_or(0, |page| page.bytes),
                 Some(&next) => {
                     let root = tree.level(level).start + index as u32;
-                    let (nodes, leaves) = counts(tree, root, level..next);
-                    upper_bytes(nodes, leaves.len())
+                    let sizes = (next == leaves.level).then_some(leaves.sizes);
+                    upper_bytes(upper_counts(tree, root, level..next, sizes).0)
                 }
             };
             if bytes > LARGEST_PAGE as usize {
@@ -162,13 +216,14 @@ fn page_places(
 pub(super) fn upper_pages(
     model: &Model,
     leaves: &LeafPages<'_>,
+    tops: &mut dyn TopSource,
     mut header: PagedHeader,
 ) -> Result<UpperPages, Error> {
     let tree = &model.tree;
-    let bands = bands(leaves.level);
+    let bands = bands(leaves.level, leaves.shared);
     let upper = grown_nodes(model, leaves);
     // Lengths of upper pages follow from their numbers, so all places are known before anything is written.
-    let mut entries = page_places(tree, &bands, leaves.pages)?;
+    let mut entries = page_places(tree, &bands, leaves)?;
     if let Some(own) = entries.last_mut() {
         for (entry, page) in own.iter_mut().zip(leaves.pages) {
             entry.checksum = page.checksum;
@@ -179,20 +234,30 @@ pub(super) fn upper_pages(
     for band in (0..bands.len().saturating_sub(1)).rev() {
         let next = bands[band + 1];
         let below = &entries[band + 1];
-        let own = tree.level(bands[band]).map(|root| {
-            let (_, leaves) = counts(tree, root, bands[band]..next);
+        let are_leaf_pages = band + 2 == bands.len();
+        let shared = if are_leaf_pages { leaves.shared } else { 0 };
+        let mut own: Vec<Vec<u8>> = Vec::new();
+        for root in tree.level(bands[band]) {
+            let (_, roots) = counts(tree, root, bands[band]..next);
             let first = tree.level(next).start;
-            let range = (leaves.start - first) as usize..(leaves.end - first) as usize;
-            let cones: Vec<NormalCone> =
-                leaves.map(|leaf| upper.nodes[leaf as usize].cone).collect();
+            let range = (roots.start - first) as usize..(roots.end - first) as usize;
+            let mut below_tops = Vec::new();
+            for _ in range.clone().filter(|_| shared > 0) {
+                below_tops.push(tops.next_top().map_err(|source| Error::Io {
+                    path: "the temporary file".into(),
+                    source,
+                })?);
+            }
+            let part = upper_part(model, &upper, root, next);
+            let UpperPart { part, cones } = with_tops(part, &below_tops, shared);
             let place = UpperPlace {
                 entries: &below[range],
                 cones: &cones,
-                are_leaf_pages: band + 2 == bands.len(),
+                are_leaf_pages,
+                shared_levels: shared,
             };
-            encode_upper(&upper_part(model, &upper, root, next), &place)
-        });
-        let own: Vec<Vec<u8>> = own.collect();
+            own.push(encode_upper(&part, &place));
+        }
         for (entry, page) in entries[band].iter_mut().zip(&own) {
             entry.checksum = hash(page);
         }

@@ -4,6 +4,7 @@ use super::extract::subtree;
 use super::format::{CLOSED, COLORS, HEADER, MAGIC, PagedHeader, TRIANGLES, VERSION};
 use super::mix_hash::MixMap;
 use super::page::{ColorBits, EncodedPage, PageChoices, encode_leaves};
+use super::page_tops::{PageTop, TopSize, shared_levels};
 use super::upper::{LeafPageFacts, LeafPages, upper_pages};
 use crate::tree::file::write_whole;
 use crate::tree::{Error, Model};
@@ -92,16 +93,26 @@ fn encode(model: &Model, options: &PagedOptions) -> Result<PagedParts, Error> {
     };
     let grid = VertexGrid::new(model, &roots, MixMap::default());
     let leaf_pages = leaf_pages(model, &roots, &grid, color_bits(options, is_surface));
-    let facts = leaf_pages.iter().map(LeafPageFacts::of);
-    let facts: Vec<LeafPageFacts> = facts.collect::<Result<_, Error>>()?;
+    let shared = shared_levels(tree.level_count() - leaf_level);
+    let found: Vec<(LeafPageFacts, PageTop)> = (leaf_pages.par_iter().zip(&roots))
+        .map(|(page, &root)| LeafPageFacts::of(page, model, root, shared))
+        .collect::<Result<_, Error>>()?;
+    let (facts, tops): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    let sizes = match tree.nodes.is_empty() {
+        true => vec![TopSize::ALONE],
+        false => TopSize::of_tree(tree, leaf_level, shared),
+    };
     let moved = grid.largest_error();
     let upper = upper_pages(
         model,
         &LeafPages {
             level: leaf_level,
             pages: &facts,
+            sizes: &sizes,
+            shared,
             moved,
         },
+        &mut tops.into_iter(),
         header,
     )?;
     parts.header = upper.header;

@@ -8,7 +8,7 @@ use crate::cut::{Cut, CutSelector};
 use crate::gpu::Error;
 use crate::math::camera::View;
 use crate::pages::cache::PageCache;
-use crate::pages::cut::{PageCutSelector, PageTests, PagedCut, ResidentPages};
+use crate::pages::cut::{PageCutSelector, PageTests, PagedCut};
 use crate::pages::file::PagedFile;
 use crate::pages::format::PageError;
 use crate::pages::loader::{LoaderOptions, PageLoader};
@@ -77,6 +77,8 @@ pub struct PagedModel {
     known: BTreeMap<u32, PageFacts>,
     selector: PageCutSelector,
     cut: PagedCut,
+    /// Facts of each part of the cut.
+    cut_facts: Vec<Arc<ModelFacts>>,
     /// What the cut was chosen for.
     chosen: Option<PagedCutKey>,
     /// Grows with each cut that is chosen.
@@ -128,6 +130,7 @@ impl PagedModel {
             known: BTreeMap::new(),
             selector: PageCutSelector::default(),
             cut: PagedCut::default(),
+            cut_facts: Vec::new(),
             chosen: None,
             generation: 0,
             changes: 0,
@@ -203,10 +206,7 @@ impl PagedModel {
             occlusion: Occlusion::Off,
             ..*settings
         };
-        for loaded in self.loader.take() {
-            self.is_full |= !self.cache.insert(loaded.id, loaded.page);
-            self.changes += 1;
-        }
+        self.take_pages();
         let is_inside = |view: &View| {
             view.is_perspective && self.facts.is_closed && surrounds(&self.stand_in, view.eye)
         };
@@ -233,11 +233,41 @@ impl PagedModel {
         })
     }
 
+    /// Takes the pages that were read since the last call, and forgets those that went for them.
+    fn take_pages(&mut self) {
+        for loaded in self.loader.take() {
+            let change = self.cache.insert(loaded.id, loaded.page.clone());
+            for id in change.gone {
+                self.known.remove(&id);
+            }
+            self.is_full |= !change.is_held;
+            if change.is_held {
+                self.know_page(loaded.id, loaded.page);
+            }
+            self.changes += 1;
+        }
+    }
+
+    /// Notes facts of a page in memory, unless they are known.
+    fn know_page(&mut self, id: u32, page: Arc<DecodedPage>) {
+        let (drawn, has_colors) = (self.facts, self.has_colors);
+        self.known.entry(id).or_insert_with(|| PageFacts {
+            facts: Arc::new(ModelFacts::of_page(drawn, has_colors)),
+            coarse: page.children.as_ref().map(|_| {
+                let drawn = DrawnFacts {
+                    kind: ModelKind::Points,
+                    ..drawn
+                };
+                Arc::new(ModelFacts::of_page(drawn, has_colors))
+            }),
+            page,
+        });
+    }
+
     /// Chooses the cut over the pages in memory.
     fn choose(&mut self, settings: &Settings, key: &CutKey) {
         self.generation += 1;
         let cut_settings = cut_settings(settings, self.facts);
-        self.know_pages();
         let known = &self.known;
         let choose = |selector: &mut CutSelector, id: u32, page: &DecodedPage, cut: &mut Cut| {
             let own = known.get(&id);
@@ -256,50 +286,32 @@ impl PagedModel {
         };
         self.cut = self.selector.select(self.file.root(), &self.cache, tests);
         self.cache.begin_frame(&self.cut.needed);
+        // What stands for pages that are missing has its own sizes.
+        let is_coarse = !self.cut.wanted.is_empty();
+        self.cut.parts.retain(|part| known.contains_key(&part.id));
+        let facts_of = |id: &u32| {
+            let own = known.get(id)?;
+            let coarse = own.coarse.as_ref().filter(|_| is_coarse);
+            Some(coarse.unwrap_or(&own.facts).clone())
+        };
+        let ids = self.cut.parts.iter().map(|part| &part.id);
+        self.cut_facts = ids.filter_map(facts_of).collect();
         match self.is_full {
             true => self.loader.want(&[]),
             false => self.loader.want(&self.cut.wanted),
         }
     }
 
-    /// Finds facts of pages that are new, and forgets those of pages that went.
-    fn know_pages(&mut self) {
-        let cache = &self.cache;
-        self.known.retain(|&id, own| {
-            cache
-                .page(id)
-                .is_some_and(|page| Arc::ptr_eq(&page, &own.page))
-        });
-        for (id, page) in cache.iter() {
-            let (drawn, has_colors) = (self.facts, self.has_colors);
-            self.known.entry(id).or_insert_with(|| PageFacts {
-                facts: Arc::new(ModelFacts::of_page(drawn, has_colors)),
-                coarse: page.children.as_ref().map(|_| {
-                    let drawn = DrawnFacts {
-                        kind: ModelKind::Points,
-                        ..drawn
-                    };
-                    Arc::new(ModelFacts::of_page(drawn, has_colors))
-                }),
-                page: page.clone(),
-            });
-        }
-    }
-
     /// The parts of the frame that was prepared, each with its cut.
     pub(crate) fn parts(&self) -> impl Iterator<Item = (FactedModel<'_>, &Arc<ModelFacts>)> {
-        // What stands for pages that are missing has its own sizes.
-        let is_coarse = !self.cut.wanted.is_empty();
-        self.cut.parts.iter().filter_map(move |part| {
-            let own = self.known.get(&part.id)?;
-            let coarse = own.coarse.as_ref().filter(|_| is_coarse);
-            let facts = coarse.unwrap_or(&own.facts);
+        let parts = self.cut.parts.iter().zip(&self.cut_facts);
+        parts.map(|(part, facts)| {
             let facted = FactedModel {
                 model: &part.page.model,
                 facts,
                 cut: Some(&part.cut),
             };
-            Some((facted, facts))
+            (facted, facts)
         })
     }
 
@@ -314,7 +326,8 @@ impl PagedModel {
     }
 
     /// Loads what the picture of a view needs, as far as memory allows, and gives a message for each page that failed: what
-    /// stands for it is drawn instead. Ends early where `progress` is cancelled.
+    /// stands for it is drawn instead. Ends early where `progress` is cancelled. All pages that a cut wants are read before
+    /// the next is chosen: as many cuts as the file has pages one above another.
     ///
     /// # Errors
     /// [`Error::Unsupported`] of methods that draw all of a model.
@@ -327,15 +340,22 @@ impl PagedModel {
         let mut messages = Vec::new();
         progress.stage("read pages", 0);
         loop {
-            let before = self.cache.len();
             self.prepare(view, settings)?;
-            progress.advance((self.cache.len() - before.min(self.cache.len())) as u64);
             messages.append(&mut self.loader.messages());
-            let is_over = self.wanted_pages() == 0 || progress.is_cancelled();
-            if is_over || (self.loader.is_stuck() && !self.loader.has_pages()) {
+            let is_stuck = self.loader.is_stuck() && !self.loader.has_pages();
+            if self.wanted_pages() == 0 || is_stuck || progress.is_cancelled() {
                 return Ok(messages);
             }
-            self.loader.wait(Duration::from_millis(50));
+            while self.loader.pending() > 0 && !self.loader.is_stuck() && !self.is_full {
+                if progress.is_cancelled() {
+                    break;
+                }
+                self.loader.wait(Duration::from_millis(50));
+                let before = self.cache.len();
+                self.take_pages();
+                let more = self.cache.len().saturating_sub(before);
+                progress.advance(more as u64);
+            }
         }
     }
 }

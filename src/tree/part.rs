@@ -103,7 +103,8 @@ pub(crate) fn build_part(
 }
 
 /// The records of a node.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub(crate) struct NodeRecords {
     pub(crate) node: Node,
     pub(crate) attributes: NodeAttributes,

@@ -21,10 +21,11 @@ use self::borders::ChunkBorders;
 use self::cells::{ChunkCells, CountGrid};
 use self::chunk::{ChunkReader, LeafRecords, NumberedMesh};
 use self::skeleton::{ModelBox, TreeSkeleton};
-use self::spool::ChunkSpool;
+use self::spool::{ChunkSpool, SpooledTops};
 use super::format::HEADER;
 use super::mix_hash::MixMap;
 use super::page::EncodedPage;
+use super::page_tops::{PageTop, TopSource};
 use super::upper::{LeafPageFacts, LeafPages, UpperPages, upper_length, upper_pages};
 use super::write::{
     PagedOptions, VertexGrid, color_bits, header_of, leaf_pages, page_step, place_key,
@@ -388,6 +389,14 @@ impl ExternalBuild<'_> {
         })
     }
 
+    /// The folder of the file that is built: temporary ones lie there, too.
+    fn folder(&self) -> &Path {
+        match self.path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        }
+    }
+
     /// Builds a model of many leaves.
     fn in_chunks(&self, count: LeafCount) -> Result<ExternalReport, ExternalError> {
         let LeafCount {
@@ -398,10 +407,7 @@ impl ExternalBuild<'_> {
         } = count;
         let space = ModelSpace::of(&bounds);
         let (cells, counts) = self.divide(grid)?;
-        let folder = match self.path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
+        let folder = self.folder();
         let mut spool = ChunkSpool::new(folder, counts.len()).map_err(|e| self.io(e))?;
         self.distribute(&cells, &space, &mut spool)?;
         drop(cells);
@@ -425,7 +431,9 @@ impl ExternalBuild<'_> {
             leaves,
             nodes: skeleton.node_count(),
             chunks: counts.len() as u64,
-            temporary_bytes: reader.spool.bytes() + borders.temporary_bytes(),
+            temporary_bytes: reader.spool.bytes()
+                + borders.temporary_bytes()
+                + SpooledTops::bytes_of(skeleton.sizes()),
             dropped,
         };
         self.progress.stage("building", leaves);
@@ -464,11 +472,17 @@ impl ExternalBuild<'_> {
         file: &mut std::fs::File,
     ) -> Result<(), ExternalError> {
         let leaf_level = work.skeleton.leaf_level();
-        let start = HEADER as u64 + upper_length(work.skeleton.tree(), leaf_level);
+        let start = HEADER as u64
+            + upper_length(
+                work.skeleton.tree(),
+                leaf_level,
+                work.skeleton.sizes(),
+                work.skeleton.shared(),
+            );
         let mut out = std::io::BufWriter::with_capacity(1 << 20, file);
         out.seek(SeekFrom::Start(start)).map_err(|e| self.io(e))?;
-        let filled = self.fill(&mut work, &mut out)?;
-        let upper = self.upper(work, report, &filled)?;
+        let mut filled = self.fill(&mut work, &mut out)?;
+        let upper = self.upper(work, report, &mut filled)?;
         let pages = upper.pages.iter().map(Vec::as_slice);
         let parts = std::iter::once(bytemuck::bytes_of(&upper.header)).chain(pages);
         out.seek(SeekFrom::Start(0)).map_err(|e| self.io(e))?;
@@ -484,7 +498,10 @@ impl ExternalBuild<'_> {
         work: &mut ChunkWork<'_>,
         out: &mut dyn Write,
     ) -> Result<FilledPages, ExternalError> {
+        let shared = work.skeleton.shared();
         let mut filled = FilledPages::default();
+        let mut tops =
+            SpooledTops::new(self.folder(), work.skeleton.chunk_count()).map_err(|e| self.io(e))?;
         let level = work.skeleton.leaf_level_of_chunks();
         let colors = color_bits(&self.options.pages, !self.facts.is_cloud());
         let center = work.reader.space.center().as_dvec3();
@@ -495,13 +512,18 @@ impl ExternalBuild<'_> {
             let roots: Vec<Option<u32>> = model.tree.level(level).map(Some).collect();
             let grid = VertexGrid::new(&model, &roots, steps);
             let pages: Vec<EncodedPage> = leaf_pages(&model, &roots, &grid, colors);
-            let facts: Vec<LeafPageFacts> = (pages.par_iter())
-                .map(LeafPageFacts::of)
+            let found: Vec<(LeafPageFacts, PageTop)> = (pages.par_iter().zip(&roots))
+                .map(|(page, &root)| LeafPageFacts::of(page, &model, root, shared))
                 .collect::<Result<_, Error>>()?;
+            for (own, top) in found {
+                filled.pages.push(own);
+                if shared > 0 {
+                    tops.append(chunk, &top).map_err(|e| self.io(e))?;
+                }
+            }
             for page in &pages {
                 out.write_all(&page.bytes).map_err(|e| self.io(e))?;
             }
-            filled.pages.extend(facts);
             filled.moved = filled.moved.max(grid.largest_error());
             filled.evidence = filled.evidence.join(evidence);
             let used = &model.vertices[..model.used_vertices as usize];
@@ -513,6 +535,7 @@ impl ExternalBuild<'_> {
             work.skeleton.take(&model);
             self.progress.advance(model.tree.leaves.len() as u64);
         }
+        filled.tops = Some(tops);
         Ok(filled)
     }
 
@@ -553,14 +576,16 @@ impl ExternalBuild<'_> {
         &self,
         mut work: ChunkWork<'_>,
         report: &ExternalReport,
-        filled: &FilledPages,
+        filled: &mut FilledPages,
     ) -> Result<UpperPages, ExternalError> {
         let is_surface = !self.facts.is_cloud();
         work.skeleton.join(is_surface);
         let leaf_level = work.skeleton.leaf_level();
         let space = work.reader.space;
+        let shared = work.skeleton.shared();
+        let (tree, sizes) = work.skeleton.into_parts();
         let model = Model {
-            tree: work.skeleton.into_tree(),
+            tree,
             origin: space.origin(),
             min: space.min,
             max: space.max,
@@ -575,9 +600,15 @@ impl ExternalBuild<'_> {
         let leaves = LeafPages {
             level: leaf_level,
             pages: &filled.pages,
+            sizes: &sizes,
+            shared,
             moved: filled.moved,
         };
-        Ok(upper_pages(&model, &leaves, header)?)
+        let tops: &mut dyn TopSource = match &mut filled.tops {
+            Some(tops) => tops,
+            None => &mut Vec::new().into_iter(),
+        };
+        Ok(upper_pages(&model, &leaves, tops, header)?)
     }
 }
 
@@ -592,6 +623,8 @@ struct ChunkWork<'a> {
 #[derive(Default)]
 struct FilledPages {
     pages: Vec<LeafPageFacts>,
+    /// Their first levels.
+    tops: Option<SpooledTops>,
     /// The farthest that a vertex was moved.
     moved: f64,
     evidence: ClosedEvidence,

@@ -1,5 +1,6 @@
 //! The levels of the tree that are kept in memory while the chunks come and go: down to the roots of the leaf pages.
 
+use crate::pages::page_tops::{TopSize, shared_levels};
 use crate::tree::{
     AlignedRecords, Error, Model, Node, NodeAttributes, NodeRecords, PartPlace, PartShape, Tree,
     node_above,
@@ -57,6 +58,9 @@ pub(super) struct TreeSkeleton {
     /// Where the next chunk's nodes go, on each level below the top.
     cursors: Vec<usize>,
     node_count: u64,
+    /// Levels that leaf pages have in common with the pages above, and their numbers of records there.
+    shared: usize,
+    sizes: Vec<TopSize>,
 }
 
 impl TreeSkeleton {
@@ -76,11 +80,12 @@ impl TreeSkeleton {
             })
             .collect::<Result<_, Error>>()?;
         let leaf_level = planned.iter().map(|plan| plan.0).max().unwrap_or(0);
+        let shared = shared_levels(place.depth - leaf_level);
         let of_chunks: Vec<Vec<Vec<u8>>> = (counts.par_iter())
             .map(|&count| {
                 let shape = PartShape::new(count as usize, place)?;
                 let level = |level| shape.child_counts(level).collect();
-                Ok((0..=leaf_level).map(level).collect())
+                Ok((0..leaf_level + shared.max(1)).map(level).collect())
             })
             .collect::<Result<_, Error>>()?;
         let top = PartShape::usual_depth(counts.len() as u32);
@@ -94,10 +99,13 @@ impl TreeSkeleton {
         let mut levels: Vec<Vec<u8>> = (0..top)
             .map(|level| above.child_counts(level).collect())
             .collect();
-        for level in 0..=leaf_level {
+        let joined = |level: usize| -> Vec<u8> {
             let own = of_chunks.iter().flat_map(|chunk| &chunk[level]);
-            levels.push(own.copied().collect());
-        }
+            own.copied().collect()
+        };
+        levels.extend((0..=leaf_level).map(joined));
+        let tops: Vec<Vec<u8>> = (leaf_level..leaf_level + shared).map(joined).collect();
+        let sizes = TopSize::of_level(&tops, levels.last().map_or(0, Vec::len));
         let tree = linked(&levels);
         let cursors = tree.level_starts[top..=top + leaf_level].iter();
         Ok(Self {
@@ -106,6 +114,8 @@ impl TreeSkeleton {
             top,
             place,
             counts: counts.to_vec(),
+            shared,
+            sizes,
             node_count: planned.iter().map(|plan| plan.1).sum::<u64>() + above.node_count() as u64,
         })
     }
@@ -115,9 +125,9 @@ impl TreeSkeleton {
         &self.tree
     }
 
-    /// Gives the tree away.
-    pub(super) fn into_tree(self) -> Tree {
-        self.tree
+    /// Gives away the tree and the sizes of the leaf pages in the pages above.
+    pub(super) fn into_parts(self) -> (Tree, Vec<TopSize>) {
+        (self.tree, self.sizes)
     }
 
     /// Level of the tree whose nodes are the roots of the leaf pages.
@@ -133,6 +143,16 @@ impl TreeSkeleton {
     /// Number of nodes of the whole tree.
     pub(super) fn node_count(&self) -> u64 {
         self.node_count
+    }
+
+    /// Levels that leaf pages have in common with the pages above.
+    pub(super) fn shared(&self) -> usize {
+        self.shared
+    }
+
+    /// Sizes of the leaf pages in the pages above.
+    pub(super) fn sizes(&self) -> &[TopSize] {
+        &self.sizes
     }
 
     /// What the trees of chunks have in common.

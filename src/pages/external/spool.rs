@@ -1,5 +1,7 @@
 //! Lists of bytes on disk, one for each chunk, in one nameless temporary file: whatever ends the program leaves nothing.
 
+use crate::pages::page_tops::{PageTop, TopSize, TopSource};
+use crate::tree::NodeRecords;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -81,6 +83,67 @@ impl ChunkSpool {
     }
 }
 
+/// First levels of the leaf pages, chunk by chunk, in the order in which they are wanted again.
+#[derive(Debug)]
+pub(super) struct SpooledTops {
+    spool: ChunkSpool,
+    chunks: usize,
+    /// The chunk that is read next, and what is left of the one before.
+    chunk: usize,
+    bytes: Vec<u8>,
+    at: usize,
+}
+
+impl SpooledTops {
+    /// Makes empty lists, whose file lies in `folder`.
+    ///
+    /// # Errors
+    /// The folder cannot be written to.
+    pub(super) fn new(folder: &Path, chunks: usize) -> io::Result<Self> {
+        Ok(Self {
+            spool: ChunkSpool::new(folder, chunks)?,
+            chunks,
+            chunk: 0,
+            bytes: Vec::new(),
+            at: 0,
+        })
+    }
+
+    /// Bytes of pages of these sizes.
+    pub(super) fn bytes_of(sizes: &[TopSize]) -> u64 {
+        let records = |size: &TopSize| u64::from(size.nodes + size.leaves);
+        let of_one = |size: &TopSize| 4 + records(size) * size_of::<NodeRecords>() as u64;
+        sizes.iter().map(of_one).sum()
+    }
+
+    /// Adds the top of the next page of a chunk.
+    ///
+    /// # Errors
+    /// The disk is full.
+    pub(super) fn append(&mut self, chunk: usize, PageTop(records): &PageTop) -> io::Result<()> {
+        let count = records.len() as u32;
+        self.spool.append(chunk, &count.to_le_bytes())?;
+        self.spool.append(chunk, bytemuck::cast_slice(records))
+    }
+}
+
+impl TopSource for SpooledTops {
+    fn next_top(&mut self) -> io::Result<PageTop> {
+        while self.at >= self.bytes.len() && self.chunk < self.chunks {
+            self.bytes = self.spool.read(self.chunk)?;
+            (self.chunk, self.at) = (self.chunk + 1, 0);
+        }
+        let short = || io::Error::from(io::ErrorKind::UnexpectedEof);
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let (count, rest) = rest.split_first_chunk().ok_or_else(short)?;
+        let length = u32::from_le_bytes(*count) as usize * size_of::<NodeRecords>();
+        let records = rest.get(..length).ok_or_else(short)?;
+        self.at += 4 + length;
+        let records = records.chunks_exact(size_of::<NodeRecords>());
+        Ok(PageTop(records.map(bytemuck::pod_read_unaligned).collect()))
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
@@ -102,5 +165,35 @@ mod tests {
         assert!(spool.bytes() >= 3 * BLOCK as u64);
         let left = std::fs::read_dir(folder.path()).unwrap().count();
         assert_eq!(left, 0, "the file has no name");
+    }
+
+    #[test]
+    fn tops_come_back_in_the_order_of_pages() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut tops = SpooledTops::new(folder.path(), 4).unwrap();
+        let of_length = |length: usize| {
+            let record: NodeRecords = bytemuck::Zeroable::zeroed();
+            PageTop(vec![record; length])
+        };
+        // The second chunk has none.
+        let lengths = [(0, 21), (0, 5), (2, 0), (2, 300), (3, 1)];
+        for (chunk, length) in lengths {
+            tops.append(chunk, &of_length(length)).unwrap();
+        }
+        for (_, length) in lengths {
+            assert_eq!(tops.next_top().unwrap().0.len(), length);
+        }
+        assert!(tops.next_top().is_err());
+        let sizes = [
+            TopSize {
+                nodes: 5,
+                leaves: 16,
+            },
+            TopSize {
+                nodes: 1,
+                leaves: 4,
+            },
+        ];
+        assert_eq!(SpooledTops::bytes_of(&sizes), 8 + 26 * 72);
     }
 }

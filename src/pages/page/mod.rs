@@ -15,7 +15,7 @@ mod triangles;
 mod upper;
 
 pub(super) use model_space::moved_sphere;
-pub(super) use upper::{UpperPlace, encode_upper, upper_bytes};
+pub(super) use upper::{UpperCounts, UpperPlace, encode_upper, upper_bytes};
 
 use super::format::{MOST_LEAVES, MOST_LEVELS};
 use super::quantize::PageSphere;
@@ -50,19 +50,62 @@ pub struct DecodedPage {
     pub model: Model,
     /// The zero of its coordinates in those of the whole model.
     pub base: DVec3,
-    /// The pages below its leaves, one each; `None` for a leaf page.
+    /// The pages below its leaves; `None` for a leaf page.
     pub children: Option<ChildPages>,
 }
 
 /// The pages below an upper page.
 #[derive(Debug, Clone)]
 pub struct ChildPages {
-    /// Entry of each leaf's page.
+    /// The pages, one below each node of the first shared level in their order; where none is shared, one below each leaf.
     pub entries: Vec<super::format::PageEntry>,
-    /// Cone of the normals of each leaf's page.
+    /// Cone of the normals below each leaf.
     pub cones: Vec<NormalCone>,
     /// Whether those are leaf pages.
     pub are_leaf_pages: bool,
+    /// Levels of nodes, the last of this page, that the pages below have as well.
+    pub shared_levels: usize,
+    /// The first node of these levels.
+    pub first_shared: u32,
+    /// Entry of each node of these levels, then of each leaf; empty where none is shared.
+    pub(super) owners: Vec<u32>,
+}
+
+impl ChildPages {
+    /// Index of the page below that has a leaf.
+    pub fn page_of_leaf(&self, tree: &Tree, leaf: u32) -> usize {
+        if self.shared_levels == 0 {
+            return leaf as usize;
+        }
+        let nodes = tree.nodes.len() - self.first_shared as usize;
+        let own = self.owners.get(nodes + leaf as usize).copied();
+        own.unwrap_or(0) as usize
+    }
+
+    /// Index of the page below that has a node as well; `None` of nodes that this page has alone.
+    pub fn page_of_node(&self, node: u32) -> Option<usize> {
+        let at = node.checked_sub(self.first_shared)?;
+        let own = self.owners.get(at as usize).copied();
+        own.map(|own| own as usize)
+    }
+
+    /// Sphere that stands for a page below: center and radius.
+    pub fn sphere(&self, tree: &Tree, index: usize) -> (Vec3, f32) {
+        if self.shared_levels == 0 {
+            let leaf = &tree.leaves[index];
+            return (leaf.center, leaf.radius);
+        }
+        let node = &tree.nodes[self.first_shared as usize + index];
+        (node.center, node.radius)
+    }
+
+    /// Number of nodes that no page below has.
+    pub fn own_nodes(&self, tree: &Tree) -> usize {
+        match self.shared_levels {
+            0 => tree.nodes.len(),
+            _ => self.first_shared as usize,
+        }
+    }
 }
 
 impl DecodedPage {
@@ -71,7 +114,7 @@ impl DecodedPage {
         let children = self
             .children
             .as_ref()
-            .map_or(0, |below| below.entries.len() * 32);
+            .map_or(0, |below| below.entries.len() * 32 + below.owners.len() * 4);
         self.model.memory_bytes().total() + children as u64 + size_of::<Self>() as u64
     }
 }
