@@ -253,14 +253,29 @@ fn look_at(
 mod tests {
     use super::*;
 
+    use crate::mesh::Mesh;
     use crate::pages::file::PagedFile;
     use crate::pages::join::whole_model;
     use crate::pages::page::DecodeOptions;
     use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model, opened};
-    use crate::pages::write::to_bytes;
+    use crate::pages::write::{PagedOptions, to_bytes};
     use crate::progress::Silent;
-    use crate::tree::Model;
+    use crate::tree::{self, BuildOptions, Model};
+    use glam::Vec3;
     use std::collections::{BTreeMap, BTreeSet};
+
+    const LARGE_PAGES: PagedOptions = PagedOptions {
+        page_leaves: 1024,
+        colors: None,
+    };
+
+    /// Levels that the first page shares with those below it.
+    fn shared_levels_of(file: &PagedFile) -> usize {
+        let top = file
+            .read_page(&file.root().unwrap(), in_space_of(file))
+            .unwrap();
+        top.children.unwrap().shared_levels
+    }
 
     fn in_space_of(file: &PagedFile) -> DecodeOptions {
         DecodeOptions {
@@ -366,9 +381,16 @@ mod tests {
 
     #[test]
     fn over_all_pages_it_is_the_cut_of_the_whole_tree() {
-        for is_cloud in [false, true] {
+        // Small pages are leaves of the page above; large ones share two levels with it.
+        for (is_cloud, pages, shared) in [
+            (false, SMALL_PAGES, 0),
+            (true, SMALL_PAGES, 0),
+            (false, LARGE_PAGES, 2),
+            (true, LARGE_PAGES, 2),
+        ] {
             let whole = model(GeneratedShape::Statue, 12_000, is_cloud);
-            let file = opened(to_bytes(&whole, &SMALL_PAGES).unwrap()).unwrap();
+            let file = opened(to_bytes(&whole, &pages).unwrap()).unwrap();
+            assert_eq!(shared_levels_of(&file), shared);
             let joined = whole_model(&file, &Silent).unwrap();
             let known = all_pages(&file, &joined);
             let mut selector = PageCutSelector::default();
@@ -425,10 +447,58 @@ mod tests {
         }
     }
 
+    /// Points on a line, each gap larger than the one before: of nodes with as many points some are ten times as wide as their
+    /// siblings, so that pages are opened some of whose first nodes are small enough.
+    #[test]
+    fn whatever_the_density_every_leaf_is_drawn_once() {
+        let at = |i: i32| 1.006f32.powi(i);
+        let mesh = Mesh {
+            positions: (0..2100)
+                .map(|i| Vec3::new(at(i), 0.1 * at(i), 0.0))
+                .collect(),
+            ..Mesh::default()
+        };
+        let whole = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+        let file = opened(to_bytes(&whole, &LARGE_PAGES).unwrap()).unwrap();
+        assert_eq!(shared_levels_of(&file), 2);
+        let joined = whole_model(&file, &Silent).unwrap();
+        let known = all_pages(&file, &joined);
+        let camera = joined.orbit_camera((640, 480), 0.2, 0.1, 0.5);
+        let view = camera.view(joined.origin).unwrap();
+        let mut counts = BTreeSet::new();
+        for step in 0..40 {
+            let settings = CutSettings {
+                threshold_px: 0.5 * 1.2f32.powi(step),
+                cull_back: false,
+                ..CutSettings::default()
+            };
+            let mut selector = PageCutSelector::default();
+            let found = selected(&mut selector, &file, &known, (&view, &settings));
+            let ids = in_joined(&found, &known, &joined);
+            let mut covered = BTreeSet::new();
+            for &id in &ids[0] {
+                let leaves = joined.tree.leaf_range(id);
+                leaves.for_each(|leaf| assert!(covered.insert(leaf), "{step}"));
+            }
+            for &leaf in ids[1].iter().chain(&ids[2]) {
+                assert!(covered.insert(leaf), "{step}");
+            }
+            assert_eq!(covered.len(), 2100, "{step}");
+            counts.insert(found.parts.len());
+        }
+        assert!(counts.len() > 2, "{counts:?}");
+    }
+
     #[test]
     fn what_is_missing_is_drawn_coarser_and_wanted_largest_first() {
+        for (pages, least) in [(SMALL_PAGES, 20), (LARGE_PAGES, 8)] {
+            refined_page_by_page(&pages, least);
+        }
+    }
+
+    fn refined_page_by_page(pages: &PagedOptions, least: usize) {
         let whole = model(GeneratedShape::Torus, 12_000, false);
-        let file = opened(to_bytes(&whole, &SMALL_PAGES).unwrap()).unwrap();
+        let file = opened(to_bytes(&whole, pages).unwrap()).unwrap();
         let joined = whole_model(&file, &Silent).unwrap();
         let all = all_pages(&file, &joined);
         let mut known = KnownPages {
@@ -468,6 +538,6 @@ mod tests {
                 .insert(next.entry.id, all.pages[&next.entry.id].clone());
             rounds += 1;
         }
-        assert!(rounds > 20 && rounds <= all.pages.len());
+        assert!(rounds > least && rounds <= all.pages.len(), "{rounds}");
     }
 }

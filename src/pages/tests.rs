@@ -237,11 +237,20 @@ fn damages_with_right_checksums_neither_panic_nor_leave_the_file() {
     };
     let mut numbers = TestNumbers(123);
     let (mut read, mut sound) = (0, 0);
-    for is_cloud in [false, true] {
-        let bytes = to_bytes(&model(GeneratedShape::Torus, 260, is_cloud), &SMALL_PAGES).unwrap();
+    let sharing = PagedOptions {
+        page_leaves: 256,
+        colors: None,
+    };
+    // The last one's leaf pages share a level with the page above.
+    for (count, is_cloud, pages) in [
+        (260, false, SMALL_PAGES),
+        (260, true, SMALL_PAGES),
+        (900, true, sharing),
+    ] {
+        let bytes = to_bytes(&model(GeneratedShape::Torus, count, is_cloud), &pages).unwrap();
         let places = damage::places(&bytes);
         assert!(places.len() > 3);
-        for _ in 0..rounds / 2 {
+        for _ in 0..rounds / 3 {
             let damaged = damage::apply(&bytes, &places, &mut numbers);
             let Ok(file) = opened(damaged) else { continue };
             read += 1;
