@@ -5,10 +5,12 @@
 //! tree file is read as it is, of a `.qs` file the leaves, anything else goes to [`input`] and then to [`tree::build`]. Nothing is printed: what was
 //! repaired or left out comes back as [`OpenedModel::warnings`], what is wrong as one [`Error`].
 
+mod paged;
 mod stream;
 #[cfg(test)]
 mod tests;
 
+use paged::{read_address, read_pages};
 pub use stream::{OpenedStream, external_options, open_stream};
 
 use crate::Error;
@@ -19,10 +21,10 @@ use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
+use crate::pages;
 use crate::pages::file::PagedFile;
 use crate::pages::qs::{self, QsCloud};
 use crate::pages::source::{ByteSource, FileSource, MemorySource};
-use crate::pages::{self, join};
 use crate::progress::Progress;
 use crate::scenes::{self, SceneError};
 use crate::tree::{self, BuildOptions, Model};
@@ -61,14 +63,17 @@ pub enum ModelSource {
     Generator(ShapeSpec),
     /// A built-in scene.
     Scene(&'static scenes::SceneEntry),
+    /// A paged tree on a web server.
+    Address(String),
 }
 
 impl ModelSource {
     /// The source that a name means: `-` is standard input, `generate:SHAPE[:TRIANGLES]` a generator, `scene:NAME` a
-    /// built-in scene, anything else a file. A file with such a name is meant by `./` before it. Touches no file.
+    /// built-in scene, `http://...` a paged tree on a web server, anything else a file. A file with such a name is meant by `./`
+    /// before it. Touches no file and no network.
     ///
     /// # Errors
-    /// An unknown shape or scene, a bad number of triangles, or an address such as `https://...`, which is not fetched.
+    /// An unknown shape or scene, a bad number of triangles, or an address of a kind that is not fetched.
     pub fn parse(name: &Path) -> Result<Self, Error> {
         let file = || Self::File(name.to_owned());
         let Some(text) = name.to_str() else {
@@ -83,7 +88,17 @@ impl ModelSource {
             Ok(Self::Scene(entry))
         } else if is_address(text) {
             let url = text.to_owned();
-            Err(input::Error::Remote { url }.into())
+            let scheme = text.split(':').next().unwrap_or("").to_ascii_lowercase();
+            match scheme.as_str() {
+                "http" if cfg!(feature = "remote") => Ok(Self::Address(url)),
+                "https" if cfg!(feature = "https") => Ok(Self::Address(url)),
+                "https" if cfg!(feature = "remote") => {
+                    let cause = "this program was built without https; build it with --features https, or download the file";
+                    let cause = cause.to_owned();
+                    Err(input::Error::Fetch { url, cause }.into())
+                }
+                _ => Err(input::Error::Remote { url }.into()),
+            }
         } else {
             Ok(file())
         }
@@ -440,6 +455,7 @@ fn read(
             }
             Ok(SourceContent::generated(mesh, None))
         }
+        ModelSource::Address(url) => read_address(url, options, progress),
         ModelSource::Scene(entry) => {
             let scene = entry.make();
             let view = SceneView {
@@ -509,33 +525,7 @@ fn read_stream(
             let bytes = stream.read_all(&options.input.limits, progress)?;
             Arc::new(MemorySource::new(path.display().to_string(), bytes))
         };
-        let file_bytes = source.len();
-        let file = PagedFile::open(source).map_err(tree::Error::from)?;
-        if options.streams_pages {
-            let model = file.stand_in(file.origin()).map_err(tree::Error::from)?;
-            return Ok(SourceContent {
-                format: SourceFormat::PagedTree,
-                counts: Counts {
-                    vertices: if file.is_surface() {
-                        0
-                    } else {
-                        file.header().leaf_count
-                    },
-                    faces: if file.is_surface() {
-                        file.header().leaf_count
-                    } else {
-                        0
-                    },
-                },
-                paged: Some(file),
-                ..SourceContent::tree(model, file_bytes)
-            });
-        }
-        let model = join::whole_model(&file, progress)?;
-        return Ok(SourceContent {
-            format: SourceFormat::PagedTree,
-            ..SourceContent::tree(model, file_bytes)
-        });
+        return read_pages(source, options, progress);
     }
     if qs::is_qs_file(&start) {
         let bytes = stream.read_all(&options.input.limits, progress)?;

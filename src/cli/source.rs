@@ -14,7 +14,7 @@ use surfel::{OpenOptions, OpenedModel};
 /// The model of a command.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Source {
-    /// Model file, - for standard input, generate:SHAPE[:TRIANGLES], or scene:NAME
+    /// Model file, - for standard input, generate:SHAPE[:TRIANGLES], scene:NAME, or the http:// address of a paged tree
     #[arg(value_name = "MODEL", index = 1)]
     pub(crate) model: PathBuf,
     /// Merge vertices that are equal in position, normal and color

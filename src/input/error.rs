@@ -47,6 +47,14 @@ pub enum Error {
         /// The address.
         url: String,
     },
+    /// A file on a web server cannot be opened.
+    #[error("{url}: {cause}")]
+    Fetch {
+        /// The address.
+        url: String,
+        /// What went wrong, and what to do.
+        cause: String,
+    },
     /// The gzip stream is damaged or cut short.
     #[error("{}: the gzip data is damaged after {unpacked} unpacked bytes: {source}; fetch the file again", path.display())]
     Gzip {

@@ -55,7 +55,7 @@ pub fn open_stream(
             file_bytes: 0,
             warnings: Vec::new(),
         }),
-        ModelSource::StandardInput | ModelSource::Scene(_) => None,
+        ModelSource::StandardInput | ModelSource::Scene(_) | ModelSource::Address(_) => None,
     };
     Ok(opened.map(|opened| match options.tree.crease_degrees {
         Some(_) if !opened.stream.facts().is_cloud() => OpenedStream {

@@ -115,6 +115,11 @@ impl PagedFile {
         })
     }
 
+    /// Number of reads that are done at once where many are wanted.
+    pub fn parallel_reads(&self) -> usize {
+        self.source.parallel_reads()
+    }
+
     /// Reads and decodes a page. Its bytes are asked for only where the file has them.
     ///
     /// # Errors

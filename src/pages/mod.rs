@@ -16,6 +16,8 @@ pub mod external;
 mod extract;
 pub mod file;
 pub mod format;
+#[cfg(feature = "remote")]
+pub mod http;
 pub mod join;
 pub mod loader;
 mod mix_hash;

@@ -4,9 +4,7 @@
 //! gives many splats, and little of what is read is finer than the picture. Without these levels a page whose root is just
 //! too large brought a thousand times what was drawn of it, and as many pages were opened as splats were drawn.
 
-use super::extract::levels_below;
-use super::page::{DecodedPage, moved_sphere};
-use crate::tree::{Model, NodeRecords, Tree};
+use crate::tree::{NodeRecords, Tree};
 
 /// Levels that a leaf page with so many levels of nodes has in common with the page above: its root's, and the next.
 pub(super) fn shared_levels(page_levels: usize) -> usize {
@@ -63,30 +61,6 @@ impl TopSize {
 /// Records of the first levels of a leaf page, as they are decoded, in model space: breadth-first, the level below them too.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PageTop(pub(super) Vec<NodeRecords>);
-
-impl PageTop {
-    /// The top of a decoded page, which was made of what is below a node of the model.
-    pub(super) fn of(page: &DecodedPage, model: &Model, root: u32, shared: usize) -> Self {
-        if shared == 0 {
-            return Self::default();
-        }
-        let level = model.tree.level_of(root);
-        let ids = levels_below(&model.tree, root, level + shared);
-        let tree = &page.model.tree;
-        let records = ids.into_iter().flatten().zip(tree.nodes.iter());
-        let records = records.zip(tree.attributes.iter());
-        let records = records.map(|((id, node), attributes)| {
-            let mut node = *node;
-            (node.center, node.radius) = moved_sphere(node.center, node.radius, page.base);
-            NodeRecords {
-                node,
-                attributes: *attributes,
-                moments: model.tree.moments[id as usize],
-            }
-        });
-        Self(records.collect())
-    }
-}
 
 /// Tops of leaf pages in the order of the file.
 pub(super) trait TopSource {

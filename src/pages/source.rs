@@ -21,6 +21,11 @@ pub trait ByteSource: Send + Sync + std::fmt::Debug {
         self.len() == 0
     }
 
+    /// Number of reads that are done at once where many are wanted, at least 1: more where each waits for an answer.
+    fn parallel_reads(&self) -> usize {
+        1
+    }
+
     /// Fills `out` with the bytes from `offset` on.
     ///
     /// # Errors

@@ -1,16 +1,17 @@
 //! The pages above the leaf pages of a file: their nodes, and their directory.
 
-use super::extract::{UpperNodes, UpperPart, upper_part, with_tops};
+use super::extract::{UpperNodes, UpperPart, levels_below, upper_part, with_tops};
 use super::format::{HEADER, LARGEST_PAGE, PageEntry, PagedHeader};
 use super::page::{
-    DecodeOptions, EncodedPage, UpperCounts, UpperPlace, decode, encode_upper, upper_bytes,
+    DecodeOptions, DecodedPage, EncodedPage, UpperCounts, UpperPlace, decode, encode_upper,
+    moved_sphere, upper_bytes,
 };
 use super::page_tops::{PageTop, TopSize, TopSource};
 use super::quantize::PageSphere;
 use crate::math::cone::{DirectionCap, sin_around};
 use crate::math::sphere::round_up;
 use crate::tree::file::hash;
-use crate::tree::{Error, Model, Node, NodeAttributes, NodeStrip, NormalCone, Tree};
+use crate::tree::{Error, Model, Node, NodeAttributes, NodeRecords, NodeStrip, NormalCone, Tree};
 use glam::DVec3;
 use std::ops::Range;
 
@@ -55,9 +56,31 @@ impl LeafPageFacts {
             root: page.root,
             first: first.map(|(node, own)| (node.cone, node.flags, *own)),
         };
-        let top = root.map(|root| PageTop::of(&decoded, model, root, shared));
+        let top = root.map(|root| top_of(&decoded, model, root, shared));
         Ok((facts, top.unwrap_or_default()))
     }
+}
+
+/// The first levels of a decoded page, which was made of what is below a node of the model.
+fn top_of(page: &DecodedPage, model: &Model, root: u32, shared: usize) -> PageTop {
+    if shared == 0 {
+        return PageTop::default();
+    }
+    let level = model.tree.level_of(root);
+    let ids = levels_below(&model.tree, root, level + shared);
+    let tree = &page.model.tree;
+    let records = ids.into_iter().flatten().zip(tree.nodes.iter());
+    let records = records.zip(tree.attributes.iter());
+    let records = records.map(|((id, node), attributes)| {
+        let mut node = *node;
+        (node.center, node.radius) = moved_sphere(node.center, node.radius, page.base);
+        NodeRecords {
+            node,
+            attributes: *attributes,
+            moments: model.tree.moments[id as usize],
+        }
+    });
+    PageTop(records.collect())
 }
 
 /// The leaf pages of a file.

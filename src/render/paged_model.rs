@@ -108,7 +108,7 @@ impl PagedModel {
             ..DrawnFacts::from(&stand_in)
         };
         let loader_options = LoaderOptions {
-            threads: options.threads,
+            threads: options.threads.max(file.parallel_reads()),
             decode,
             ..LoaderOptions::default()
         };

@@ -12,6 +12,7 @@
 mod borders;
 mod cells;
 mod chunk;
+mod filled;
 mod skeleton;
 mod spool;
 #[cfg(test)]
@@ -20,23 +21,20 @@ mod tests;
 use self::borders::ChunkBorders;
 use self::cells::{ChunkCells, CountGrid};
 use self::chunk::{ChunkReader, LeafRecords, NumberedMesh};
+use self::filled::FilledPages;
 use self::skeleton::{ModelBox, TreeSkeleton};
 use self::spool::{ChunkSpool, SpooledTops};
 use super::format::HEADER;
 use super::mix_hash::MixMap;
 use super::page::EncodedPage;
-use super::page_tops::{PageTop, TopSource};
-use super::upper::{LeafPageFacts, LeafPages, UpperPages, upper_length, upper_pages};
-use super::write::{
-    PagedOptions, VertexGrid, color_bits, header_of, leaf_pages, page_step, place_key,
-};
+use super::page_tops::PageTop;
+use super::upper::{LeafPageFacts, upper_length};
+use super::write::{PagedOptions, VertexGrid, color_bits, leaf_pages, page_step, place_key};
 use crate::mesh::normals::{self, Weighting};
 use crate::mesh::stream::{MeshStream, StreamError, StreamFacts, VertexPiece};
 use crate::mesh::{Mesh, creases, origin_of, recentered_zero};
 use crate::progress::{Progress, Silent};
-use crate::tree::{
-    self, BuildOptions, ClosedEvidence, Error, Model, PartPlace, PartShape, build_part,
-};
+use crate::tree::{self, BuildOptions, Error, PartPlace, PartShape, build_part};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -481,8 +479,9 @@ impl ExternalBuild<'_> {
             );
         let mut out = std::io::BufWriter::with_capacity(1 << 20, file);
         out.seek(SeekFrom::Start(start)).map_err(|e| self.io(e))?;
-        let mut filled = self.fill(&mut work, &mut out)?;
-        let upper = self.upper(work, report, &mut filled)?;
+        let filled = self.fill(&mut work, &mut out)?;
+        let space = work.reader.space;
+        let upper = filled.upper(work.skeleton, space, (&self.facts, report))?;
         let pages = upper.pages.iter().map(Vec::as_slice);
         let parts = std::iter::once(bytemuck::bytes_of(&upper.header)).chain(pages);
         out.seek(SeekFrom::Start(0)).map_err(|e| self.io(e))?;
@@ -570,46 +569,6 @@ impl ExternalBuild<'_> {
         mesh.triangles.truncate(own);
         Ok((mesh, steps))
     }
-
-    /// Makes what lies above the leaf pages.
-    fn upper(
-        &self,
-        mut work: ChunkWork<'_>,
-        report: &ExternalReport,
-        filled: &mut FilledPages,
-    ) -> Result<UpperPages, ExternalError> {
-        let is_surface = !self.facts.is_cloud();
-        work.skeleton.join(is_surface);
-        let leaf_level = work.skeleton.leaf_level();
-        let space = work.reader.space;
-        let shared = work.skeleton.shared();
-        let (tree, sizes) = work.skeleton.into_parts();
-        let model = Model {
-            tree,
-            origin: space.origin(),
-            min: space.min,
-            max: space.max,
-            orbit_center: space.center(),
-            orbit_radius: filled.reach as f32,
-            is_closed: is_surface && filled.evidence.is_closed(),
-            has_colors: self.facts.has_colors,
-            ..Model::default()
-        };
-        let mut header = header_of(&model, is_surface);
-        (header.leaf_count, header.node_count) = (report.leaves, report.nodes);
-        let leaves = LeafPages {
-            level: leaf_level,
-            pages: &filled.pages,
-            sizes: &sizes,
-            shared,
-            moved: filled.moved,
-        };
-        let tops: &mut dyn TopSource = match &mut filled.tops {
-            Some(tops) => tops,
-            None => &mut Vec::new().into_iter(),
-        };
-        Ok(upper_pages(&model, &leaves, tops, header)?)
-    }
 }
 
 /// What the building of chunks needs.
@@ -617,17 +576,4 @@ struct ChunkWork<'a> {
     skeleton: TreeSkeleton,
     reader: ChunkReader<'a>,
     borders: ChunkBorders,
-}
-
-/// What is known of the leaf pages once all are written.
-#[derive(Default)]
-struct FilledPages {
-    pages: Vec<LeafPageFacts>,
-    /// Their first levels.
-    tops: Option<SpooledTops>,
-    /// The farthest that a vertex was moved.
-    moved: f64,
-    evidence: ClosedEvidence,
-    /// The farthest of a vertex from the middle of the box.
-    reach: f64,
 }
