@@ -135,6 +135,7 @@ Examples:
   surfel render horse.ply --frames 36 --stats -          times only
   surfel render horse.ply -o horse.png --backend cpu     without Vulkan
   surfel render tile.laz -o tile.png --color-by class
+  surfel render tile.laz -o ground.png --keep class=2,6 --keep height=..80
   surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
   surfel render house.ply trees.ply -o place.png         several models in one picture
   surfel render castle.ply -o castle.png --photos castle      photographs on the model

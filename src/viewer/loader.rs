@@ -147,7 +147,10 @@ impl ModelLoader {
         };
         Self::of_function(Arc::new(move |path, progress, on_preview| {
             let mut on_mesh = |mesh: &Mesh| {
-                if let Some(model) = preview::model(mesh, progress) {
+                // It would show what is not kept.
+                if options.keep.is_empty()
+                    && let Some(model) = preview::model(mesh, progress)
+                {
                     on_preview(model);
                 }
             };

@@ -1,0 +1,134 @@
+//! Questions asked of scans: what is kept of them, what is measured on them, what is written of them.
+
+use crate::harness::surfel;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Rows of a hundred points on a slope: x, y, z, intensity and a class from 2 to 6; those that `is_wanted`.
+fn rows(is_wanted: impl Fn(usize) -> bool) -> String {
+    let row = |i: usize| {
+        let (x, y) = (i % 10, i / 10);
+        format!("{x},{y},{},{i},{}\n", 0.25 * x as f64, 2 + i % 5)
+    };
+    let rows: String = (0..100).filter(|&i| is_wanted(i)).map(row).collect();
+    format!("x,y,z,intensity,class\n{rows}")
+}
+
+fn written(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let path = folder.join(name);
+    fs::write(&path, text).unwrap();
+    path
+}
+
+/// Runs with arguments in one text, `@` standing for the folder.
+fn run(folder: &Path, arguments: &str) -> crate::harness::Run {
+    let folder = format!("{}/", folder.display());
+    let words = arguments.split_whitespace();
+    surfel(words.map(|word| word.replace('@', &folder)))
+}
+
+#[test]
+fn what_is_kept_is_counted_and_drawn_and_nothing_else() {
+    let made = tempfile::tempdir().unwrap();
+    let at = made.path();
+    written(at, "all.csv", &rows(|_| true));
+    written(at, "some.csv", &rows(|i| i % 5 == 1 && i >= 40));
+    let info = run(
+        at,
+        "info --json @all.csv --keep class=low-vegetation --keep intensity=40..",
+    );
+    assert_eq!(info.code, 0, "{}", info.err);
+    assert_eq!(info.json()["vertices"], 12);
+    let remark = "kept 12 of 100 points: class=3 intensity=40..";
+    assert!(info.err.contains(remark), "{}", info.err);
+    assert!(info.json()["remarks"].to_string().contains(remark));
+    // Points of a pixel know no spacing: the picture is that of a file with nothing else.
+    let render = |file: &str, more: &str| {
+        let shown = "--method points --threshold 3 --samples 1 --backend reference --camera @c.json";
+        let made = run(at, &format!("render @{file} -o @a.png {shown} {more}"));
+        assert_eq!(made.code, 0, "{}", made.err);
+        fs::read(at.join("a.png")).unwrap()
+    };
+    let camera = run(
+        at,
+        "render @all.csv -o @a.png --save-camera @c.json --backend cpu --size 200x200",
+    );
+    assert_eq!(camera.code, 0, "{}", camera.err);
+    let wanted = render("some.csv", "");
+    assert!(render("all.csv", "--keep class=3 --keep intensity=40..") == wanted);
+    assert!(render("all.csv", "") != wanted);
+    // A box in the coordinates of the file; its faces belong to it.
+    let info = run(at, "info --json @all.csv --clip-box 7,3,0,2,-1,2");
+    assert_eq!(info.json()["vertices"], 6 * 4);
+    let info = run(
+        at,
+        "info --json @all.csv --keep x=2..7 --keep y=..3 --keep height=..1.5",
+    );
+    assert_eq!(
+        (&info.json()["vertices"], &info.json()["max"][2]),
+        (&(5 * 4).into(), &1.5.into())
+    );
+}
+
+#[test]
+fn what_cannot_be_kept_is_said_by_name() {
+    let made = tempfile::tempdir().unwrap();
+    let at = made.path();
+    written(at, "a.csv", &rows(|_| true));
+    for (arguments, part) in [
+        (
+            "info @a.csv --keep label=3",
+            "no field `label` to keep by; there is x, y, z, height, intensity, class",
+        ),
+        (
+            "info @a.csv --keep class=9",
+            "none of 100 points is kept by class=9",
+        ),
+        ("info @a.csv --keep class", "expected FIELD=VALUES"),
+        (
+            "info @a.csv --keep height=9..3",
+            "the smaller end comes first",
+        ),
+        ("info @a.csv --clip-box 1,2,3", "six numbers are wanted"),
+        (
+            "info generate:square:200 --keep class=2",
+            "there is x, y, z and height only",
+        ),
+        (
+            "info generate:square:200 --keep x=5..",
+            "none of 200 triangles is kept by x=5..",
+        ),
+        (
+            "build generate:square:200 -o @a.surfel --memory 1GiB --keep x=0..",
+            "need the whole model",
+        ),
+    ] {
+        let run = run(at, arguments);
+        assert!(
+            run.code == 2 && run.err.contains(part),
+            "{arguments}: {}",
+            run.err
+        );
+    }
+}
+
+/// A part is written as a tree, and parts are kept of trees of both kinds.
+#[test]
+fn parts_of_trees_are_trees() {
+    let made = tempfile::tempdir().unwrap();
+    let at = made.path();
+    for kind in ["", "--paged"] {
+        let arguments = format!("build generate:square:20000 -o @a.surfel {kind}");
+        let built = run(at, &arguments);
+        assert_eq!(built.code, 0, "{}", built.err);
+        let built = run(at, "build @a.surfel -o @half.surfel --keep x=0..");
+        assert_eq!(built.code, 0, "{}", built.err);
+        let checked = run(at, "check @half.surfel");
+        assert_eq!(checked.code, 0, "{} {}", checked.text(), checked.err);
+        let facts = run(at, "info --json @half.surfel").json();
+        assert_eq!(
+            (&facts["triangles"], &facts["is_closed"]),
+            (&10_000.into(), &false.into())
+        );
+    }
+}
