@@ -44,7 +44,8 @@ fn what_is_kept_is_counted_and_drawn_and_nothing_else() {
     assert!(info.json()["remarks"].to_string().contains(remark));
     // Points of a pixel know no spacing: the picture is that of a file with nothing else.
     let render = |file: &str, more: &str| {
-        let shown = "--method points --threshold 3 --samples 1 --backend reference --camera @c.json";
+        let shown =
+            "--method points --threshold 3 --samples 1 --backend reference --camera @c.json";
         let made = run(at, &format!("render @{file} -o @a.png {shown} {more}"));
         assert_eq!(made.code, 0, "{}", made.err);
         fs::read(at.join("a.png")).unwrap()
