@@ -219,7 +219,7 @@ fn digits_of_step(step: f64) -> usize {
     (0..9)
         .find(|&digits| {
             let whole = step * 10f64.powi(digits);
-            (whole - whole.round()).abs() < 1e-6 * whole.abs()
+            (whole - whole.round()).abs() < 1e-6 && whole.round() >= 1.0
         })
         .map_or(9, |digits| digits as usize)
 }
@@ -297,12 +297,10 @@ mod tests {
         assert_eq!(tool.lines().len(), 3);
         tool.add(place(1.0, 0.0, -2.5), 2);
         assert_eq!(tool.words(UpAxis::Z)[2], "2.50; level 0.00, height -2.50");
+        // The line of two points, then that of one.
         for left in [3, 2, 1] {
             tool.undo();
-            assert_eq!(tool.lines().len(), left.min(3), "{:?}", tool.lines());
-            if left == 3 {
-                tool.undo();
-            }
+            assert_eq!(tool.lines().len(), left, "{:?}", tool.lines());
         }
         tool.undo();
         assert!(!tool.lines()[0].closed && tool.lines()[0].points.len() == 3);
@@ -351,7 +349,7 @@ mod tests {
             angle,
         ];
         // As single precision has them.
-        let place = DVec3::new(-588.24_f32.into(), 0.13_f32.into(), -56.741_f32.into());
+        let place = Vec3::new(-588.24, 0.13, -56.741).as_dvec3();
         let (place, digits) = in_file(&model, &attributes, place);
         assert_eq!(place, DVec3::new(636_001.76, 849_217.13, 406.259));
         let seen = described(place, digits, &attributes, Some(0));
