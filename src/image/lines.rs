@@ -185,7 +185,7 @@ mod tests {
     fn marks_have_their_color_and_a_rim_and_leave_the_rest() {
         let marks = MarkedLines {
             lines: vec![[[10.0, 20.5], [30.0, 20.5]]],
-            places: vec![[10.0, 20.5]],
+            places: vec![[10.5, 20.5]],
         };
         let mut image = Image::filled(40, 40, [9, 9, 9, 0]);
         image.depth = vec![3.0; 1600];
