@@ -5,6 +5,7 @@
 //! tree file is read as it is, of a `.qs` file the leaves, anything else goes to [`input`] and then to [`tree::build`]. Nothing is printed: what was
 //! repaired or left out comes back as [`OpenedModel::warnings`], what is wrong as one [`Error`].
 
+pub mod export;
 mod keep;
 mod stream;
 #[cfg(test)]

@@ -117,6 +117,12 @@ pub enum Error {
         /// What there is.
         known: String,
     },
+    /// A mesh, where a point cloud was wanted.
+    #[error("{}: this is a mesh; point clouds are exported", path.display())]
+    NoCloud {
+        /// The file.
+        path: PathBuf,
+    },
     /// No point or triangle is kept.
     #[error("{}: none of {count} {what} is kept by {filter}; widen it (`surfel info` lists the range of each field)", path.display())]
     NothingKept {

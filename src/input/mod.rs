@@ -44,6 +44,8 @@ pub use point_filter::{FieldCondition, FilterField, FilteredPoints, PointFilter}
 pub use stream::{StreamedModel, open_stream};
 pub use warning::Warning;
 
+pub(crate) use points::las::write as write_las;
+
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::{Mesh, faces, weld};
 use crate::progress::Progress;
