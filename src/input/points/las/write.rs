@@ -69,10 +69,10 @@ pub(crate) fn write<W: Write + Seek + Send + Sync>(
     let mut block = Vec::with_capacity(BLOCK * plan.bytes);
     let count = mesh.positions.len();
     let mut packer = match packing {
-        Some(packing) => Packer::Laz(Box::new(
+        Some(packing) => RecordPacker::Laz(Box::new(
             LasZipCompressor::new(out, packing).map_err(io::Error::other)?,
         )),
-        None => Packer::Plain(out),
+        None => RecordPacker::Plain(out),
     };
     for first in (0..count).step_by(BLOCK) {
         block.clear();
@@ -80,18 +80,18 @@ pub(crate) fn write<W: Write + Seek + Send + Sync>(
             plan.push(index, &mut block);
         }
         match &mut packer {
-            Packer::Plain(out) => out.write_all(&block)?,
-            Packer::Laz(packer) => packer.compress_many(&block)?,
+            RecordPacker::Plain(out) => out.write_all(&block)?,
+            RecordPacker::Laz(packer) => packer.compress_many(&block)?,
         }
     }
     match &mut packer {
-        Packer::Plain(out) => out.flush()?,
-        Packer::Laz(packer) => packer.done()?,
+        RecordPacker::Plain(out) => out.flush()?,
+        RecordPacker::Laz(packer) => packer.done()?,
     }
     Ok(plan.grid.step)
 }
 
-enum Packer<'a, W: Write + Seek + Send + Sync> {
+enum RecordPacker<'a, W: Write + Seek + Send + Sync> {
     Plain(&'a mut W),
     Laz(Box<LasZipCompressor<'a, &'a mut W>>),
 }
