@@ -321,8 +321,9 @@ mod tests {
             let radii: Vec<f64> = radii.collect();
             radii.iter().sum::<f64>() / radii.len() as f64
         };
+        // 1.10; divided in the middle, whatever the borders, 1.19.
         assert!(
-            mean(&part) < 1.25 * mean(&anew),
+            mean(&part) < 1.14 * mean(&anew),
             "{} {}",
             mean(&part),
             mean(&anew)
