@@ -5,6 +5,8 @@
 //! tree file is read as it is, of a `.qs` file the leaves, anything else goes to [`input`] and then to [`tree::build`]. Nothing is printed: what was
 //! repaired or left out comes back as [`OpenedModel::warnings`], what is wrong as one [`Error`].
 
+pub mod export;
+mod keep;
 mod paged;
 mod stream;
 #[cfg(test)]
@@ -15,7 +17,7 @@ pub use stream::{OpenedStream, external_options, open_stream};
 
 use crate::Error;
 use crate::generate::{self, ShapeSpec};
-use crate::input::{self, Counts, FilePart, Format, InputStream, Warning};
+use crate::input::{self, Counts, FilePart, Format, InputStream, PointFilter, Warning};
 use crate::math::camera::Camera;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
@@ -47,6 +49,8 @@ pub struct OpenOptions {
     /// [`OpenedModel::paged`] has the file, for [`PagedModel`](crate::render::paged_model::PagedModel). Else all are read and
     /// joined.
     pub streams_pages: bool,
+    /// What is kept of the model; its tree is that of the whole, cut down ([`Model::kept`]).
+    pub keep: PointFilter,
     /// How the tree is built. A crease angle replaces the normals of the file; without one these are kept, and where there
     /// are none the angle is [`USUAL_CREASE_DEGREES`].
     pub tree: BuildOptions,
@@ -226,8 +230,8 @@ pub struct OpenedModel {
     pub warnings: Vec<Warning>,
     /// What the file holds, part by part, and what became of it; empty where it is no model file.
     pub parts: Vec<FilePart>,
-    /// What the vertices carry beside position, normal and color, in the order of the file; empty for most models and
-    /// for tree files.
+    /// What the points of a cloud carry beside position, normal and color, in the order of the model's vertices; empty for
+    /// most models and for tree files.
     pub attributes: PointAttributes,
     /// The file whose pages the model stands in for; `None` where the model is all.
     pub paged: Option<PagedFile>,
@@ -281,6 +285,7 @@ pub fn open_with_preview(
         .into());
     }
     let load_ms = milliseconds_since(start);
+    let mut attributes = found.attributes;
     let (model, build_ms) = match found.content {
         Content::Model(model) => (*model, 0.0),
         Content::Mesh(mut mesh) => {
@@ -292,7 +297,7 @@ pub fn open_with_preview(
             }
             on_mesh(&mesh);
             let start = Instant::now();
-            let model = tree::build(mesh, &building, progress)?;
+            let model = keep::build(mesh, &building, &mut attributes, progress)?;
             (model, milliseconds_since(start))
         }
         Content::Cloud(QsCloud { mesh, radii }) => {
@@ -314,7 +319,7 @@ pub fn open_with_preview(
         });
     }
     let up = UpGuess::of(found.format, &model);
-    Ok(OpenedModel {
+    let whole = OpenedModel {
         model,
         name: source.display().to_string(),
         format: found.format,
@@ -322,13 +327,17 @@ pub fn open_with_preview(
         counts: found.counts,
         warnings,
         parts: found.parts,
-        attributes: found.attributes,
+        attributes,
         up,
         paged: found.paged,
         scene: found.scene,
         load_ms,
         build_ms,
-    })
+    };
+    if options.keep.is_empty() {
+        return Ok(whole);
+    }
+    whole.kept(&options.keep, progress)
 }
 
 fn milliseconds_since(start: Instant) -> f64 {

@@ -12,6 +12,8 @@ mod docked;
 mod files;
 #[path = "viewer/light.rs"]
 mod light;
+#[path = "viewer/measure.rs"]
+mod measure;
 #[path = "viewer/panel.rs"]
 mod panel;
 #[path = "viewer/rest.rs"]

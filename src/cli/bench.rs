@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, Source, SurfaceArgs};
+use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
 use super::{Failure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
@@ -247,6 +247,7 @@ fn load(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
         weld: false,
         frame: Framing::Robust,
         surface: SurfaceArgs::default(),
+        keep: KeepArgs::default(),
     };
     let ready = source.open_with(bar)?;
     if !ready.model.kind().is_surface() {

@@ -70,6 +70,11 @@ fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Resu
         let cause = "--weld needs the whole model in memory: leave it or --memory out";
         return Err(super::usage(cause));
     }
+    if !options.keep.is_empty() {
+        let cause =
+            "--keep and --clip-box need the whole model in memory: leave them or --memory out";
+        return Err(super::usage(cause));
+    }
     let name = args.source.model.display();
     let mut streams = Vec::new();
     for input in std::iter::once(&args.source.model).chain(&args.more) {

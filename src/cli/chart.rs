@@ -4,7 +4,7 @@ use super::cameras::parse_size;
 use super::costs::costs_of;
 use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, Source, SurfaceArgs};
+use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
 use super::{Failure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
@@ -275,6 +275,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             weld: args.weld,
             frame: Framing::Robust,
             surface: SurfaceArgs::default(),
+            keep: KeepArgs::default(),
         };
         let ready = source.open_with(&bar)?;
         if ready.model.vertices.is_empty() {

@@ -1,6 +1,6 @@
 //! `surfel check`
 
-use super::source::{Framing, Source, SurfaceArgs};
+use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
 use super::{Failure, Outcome, chain, count, print};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -106,6 +106,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             weld: args.weld,
             frame: Framing::Robust,
             surface: SurfaceArgs::default(),
+            keep: KeepArgs::default(),
         };
         let ready = match source.open(quiet) {
             Ok(ready) => ready,

@@ -3,7 +3,7 @@
 use super::cameras::orbit_camera;
 use super::costs::costs_of;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, Source, SurfaceArgs};
+use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
 use super::{Failure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
@@ -144,6 +144,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         weld: false,
         frame: Framing::Robust,
         surface: SurfaceArgs::default(),
+        keep: KeepArgs::default(),
     };
     let ready = source.open(quiet)?;
     let model = &ready.model;

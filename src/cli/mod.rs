@@ -13,6 +13,7 @@ mod costs;
 mod demo;
 mod devices;
 mod error_patches;
+mod export;
 mod generate;
 mod info;
 mod light;
@@ -191,6 +192,8 @@ enum Command {
     Render(Box<render::Args>),
     /// Build the tree of a model and write it to a file that opens at once
     Build(build::Args),
+    /// Write what is kept of a point cloud, with all that its points carry
+    Export(export::Args),
     /// Say what is in a model file or a scene of photographs
     Info(info::Args),
     /// Check a model file and every invariant of its tree
@@ -290,6 +293,7 @@ pub(crate) fn main() -> ExitCode {
     let outcome = match cli.command {
         Some(Command::Render(args)) => render::run(*args, quiet),
         Some(Command::Build(args)) => build::run(args, quiet),
+        Some(Command::Export(args)) => export::run(args, quiet),
         Some(Command::Info(args)) => info::run(args, quiet),
         Some(Command::Check(args)) => check::run(args, quiet),
         Some(Command::Generate(args)) => generate::run(args, quiet),

@@ -14,7 +14,8 @@ use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
-use surfel::image::{FloatImage, Image};
+use surfel::image::{FloatImage, Image, MarkedLines};
+use surfel::math::measured_line::MeasureList;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::engine::{Backend, Engine};
@@ -135,6 +136,7 @@ Examples:
   surfel render horse.ply --frames 36 --stats -          times only
   surfel render horse.ply -o horse.png --backend cpu     without Vulkan
   surfel render tile.laz -o tile.png --color-by class
+  surfel render tile.laz -o ground.png --keep class=2,6 --keep height=..80
   surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
   surfel render house.ply trees.ply -o place.png         several models in one picture
   surfel render castle.ply -o castle.png --photos castle      photographs on the model
@@ -200,6 +202,9 @@ pub(crate) struct Args {
     /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64 [default: 16, or 64 where those differ much; 1 with --depth, --normals, --scene and colors that are data]
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
+    /// Draw measures over the picture, as Ctrl S in the window writes them
+    #[arg(long, value_name = "FILE", requires = "output")]
+    measures: Option<PathBuf>,
     /// Draw N views of the standard orbit in one process (azimuth (k + 1/2) 360/N degrees)
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "camera")]
     frames: u32,
@@ -286,6 +291,9 @@ impl Args {
             return Err(usage(
                 "--photos puts photographs on one model, by a method that is named",
             ));
+        }
+        if let Some(measures) = &self.measures {
+            super::check_outputs(&paths, measures)?;
         }
         for model in [&self.source.model].into_iter().chain(&self.more) {
             super::check_outputs(&paths, model)?;
@@ -381,6 +389,15 @@ enum Picture {
     Mean(FloatImage),
 }
 
+impl Picture {
+    fn mark(&mut self, marks: &MarkedLines) {
+        match self {
+            Self::Single(image) => image.mark(marks),
+            Self::Mean(mean) => mean.mark(marks),
+        }
+    }
+}
+
 /// Frames drawn before the first that counts when times are asked for: shaders are compiled at the first draw.
 const WARM_UP: u32 = 2;
 
@@ -435,6 +452,10 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     settings = args.photos.shown(settings);
     let of_photos = args.photos.read()?;
+    let measures = args.measures.as_deref().map(MeasureList::read);
+    let measures = measures
+        .transpose()
+        .map_err(|error| usage(error.to_string()))?;
     let pose = match (&of_photos, &args.camera_of) {
         (Some(of_photos), Some(wanted)) => Some(camera_of(of_photos, wanted, &ready)?),
         _ => None,
@@ -518,7 +539,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             ));
         }
         if args.wants_picture() {
-            let picture = match args.samples {
+            let mut picture = match args.samples {
                 None if is_smooth => Picture::Mean(engine.smooth(view, &settings)?),
                 None | Some(1) => Picture::Single(engine.read(view)?),
                 Some(samples) => {
@@ -526,6 +547,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
                     Picture::Mean(engine.supersample(view, &settings, k)?)
                 }
             };
+            if let Some(list) = &measures {
+                picture.mark(&MarkedLines::of(&list.lines, view, ready.model.origin));
+            }
             args.write_picture(&picture, index as u32)?;
         }
         bar.advance(1);

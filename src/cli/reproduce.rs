@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, Source, SurfaceArgs};
+use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
 use super::{Failure, Outcome, print, say, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
@@ -61,6 +61,7 @@ fn squares(bar: &Bar) -> Result<Vec<(u64, u64)>, Failure> {
                 weld: false,
                 frame: Framing::Robust,
                 surface: SurfaceArgs::default(),
+                keep: KeepArgs::default(),
             };
             let tree = source.open_with(bar)?.model.tree;
             Ok((triangles, (tree.nodes.len() + tree.leaves.len()) as u64))
@@ -97,6 +98,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             weld: false,
             frame: Framing::Robust,
             surface: SurfaceArgs::default(),
+            keep: KeepArgs::default(),
         };
         let ready = source.open_with(&bar)?;
         if ready.model.vertices.is_empty() {

@@ -5,7 +5,7 @@ use super::{Failure, usage};
 use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
-use surfel::input::{self, ColorSetting, PointColoring};
+use surfel::input::{self, ColorSetting, FieldCondition, PointColoring, PointFilter};
 use surfel::progress::Progress;
 use surfel::render::paged_model::PagedModelOptions;
 use surfel::tree::{BuildOptions, SplitRule};
@@ -25,6 +25,53 @@ pub(crate) struct Source {
     pub(crate) frame: Framing,
     #[command(flatten)]
     pub(crate) surface: SurfaceArgs,
+    #[command(flatten)]
+    pub(crate) keep: KeepArgs,
+}
+
+/// What is kept of models.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct KeepArgs {
+    /// Keep only points with these values of a field: class=2,6 height=10..80 intensity=..200 x=5.. or any attribute that `surfel info` lists; of several --keep all must hold. Triangles go by x, y, z and height of their middle
+    #[arg(long, value_name = "FIELD=VALUES", value_parser = parse_condition)]
+    keep: Vec<FieldCondition>,
+    /// Keep only what is within this box, in the coordinates of the file
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", value_parser = parse_box, allow_hyphen_values = true)]
+    clip_box: Option<[DVec3; 2]>,
+}
+
+fn parse_condition(text: &str) -> Result<FieldCondition, String> {
+    text.parse()
+}
+
+/// Two opposite corners.
+fn parse_box(text: &str) -> Result<[DVec3; 2], String> {
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| {
+            part.trim()
+                .parse()
+                .ok()
+                .filter(|value: &f64| value.is_finite())
+        })
+        .collect();
+    match numbers.as_deref() {
+        Some(&[x0, y0, z0, x1, y1, z1]) => Ok([DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1)]),
+        _ => Err("six numbers are wanted: two opposite corners, X0,Y0,Z0,X1,Y1,Z1".to_owned()),
+    }
+}
+
+impl KeepArgs {
+    /// All conditions together.
+    pub(crate) fn filter(&self) -> PointFilter {
+        let mut filter = PointFilter {
+            conditions: self.keep.clone(),
+        };
+        if let Some(corners) = self.clip_box {
+            filter.clip(corners);
+        }
+        filter
+    }
 }
 
 /// How surfaces are shaded where triangles meet.
@@ -179,6 +226,7 @@ pub(crate) fn open_options(weld: bool, frame: Framing, surface: SurfaceArgs) -> 
         },
         frame_all: frame == Framing::All,
         streams_pages: false,
+        keep: PointFilter::default(),
         tree: BuildOptions {
             crease_degrees: surface.crease,
             split: match surface.split {
@@ -193,7 +241,10 @@ pub(crate) fn open_options(weld: bool, frame: Framing, surface: SurfaceArgs) -> 
 impl Source {
     /// The options of opening.
     pub(crate) fn options(&self) -> OpenOptions {
-        open_options(self.weld, self.frame, self.surface)
+        OpenOptions {
+            keep: self.keep.filter(),
+            ..open_options(self.weld, self.frame, self.surface)
+        }
     }
 
     /// Opens the model, with a progress bar from about a second on.

@@ -5,7 +5,7 @@ use super::look::LookArgs;
 use super::photo_args::PhotoArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
-use super::source::{ColorArgs, Framing, PageArgs, SurfaceArgs, open_options};
+use super::source::{ColorArgs, Framing, KeepArgs, PageArgs, SurfaceArgs, open_options};
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
@@ -43,6 +43,8 @@ pub(crate) struct Args {
     frame: Framing,
     #[command(flatten)]
     surface: SurfaceArgs,
+    #[command(flatten)]
+    keep: KeepArgs,
     #[command(flatten)]
     color: ColorArgs,
     #[command(flatten)]
@@ -199,6 +201,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     let size = args.size.or(camera_size).or(left_size);
     let mut opening = open_options(args.weld, args.frame, args.surface);
     opening.input.color = args.color.setting()?;
+    opening.keep = args.keep.filter();
     let options = ViewerOptions {
         model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),

@@ -12,7 +12,7 @@ use std::{
 ///
 /// A link is followed, so that the file it names is replaced and not the link. What is no plain file (a
 /// pipe, `/dev/null`) is written directly.
-pub(super) fn write(
+pub(crate) fn write(
     path: &Path,
     fill: impl FnOnce(&mut File) -> Result<(), Error>,
 ) -> Result<(), Error> {

@@ -20,6 +20,7 @@
 //! ```
 
 mod atomic;
+pub(crate) use atomic::write as write_atomically;
 mod grid;
 pub mod ply;
 mod spec;

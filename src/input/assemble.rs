@@ -9,7 +9,7 @@ use super::job::Job;
 use super::polygon::PolygonRuns;
 use super::textures::RawTextures;
 use super::{Counts, Error, Warning};
-use crate::mesh::attributes::PointAttributes;
+use crate::mesh::attributes::{CoordinateGrid, PointAttributes};
 use crate::mesh::{self, Mesh};
 
 /// Items per parallel piece: large enough to hide the scheduling, small enough for two threads to share.
@@ -64,6 +64,18 @@ impl Coordinates {
             Coordinates::Single(positions) => positions[index].as_dvec3(),
             Coordinates::Double(positions) => positions[index],
             Coordinates::Steps(grid) => grid.place(grid.steps[index]),
+        }
+    }
+
+    /// The grid on which the file has them.
+    fn grid(&self) -> Option<CoordinateGrid> {
+        match self {
+            Coordinates::Steps(grid) => Some(CoordinateGrid {
+                step: grid.scale,
+                offset: grid.offset,
+            })
+            .filter(|grid| grid.step.cmpgt(DVec3::ZERO).all() && grid.offset.is_finite()),
+            _ => None,
         }
     }
 
@@ -323,6 +335,7 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     }
     let bounds = bounds.scaled(f64::from(exponent).exp2());
     let origin = bounds.origin();
+    job.attributes.grid = raw.coordinates.grid();
     let positions = match raw.coordinates {
         Coordinates::Single(mut positions) => {
             if origin != DVec3::ZERO {

@@ -96,6 +96,18 @@ const CLASSES: [(&str, [u8; 3]); 19] = [
     ("high noise", [250, 50, 120]),
 ];
 
+/// The class of a name, whatever the case, with spaces, hyphens or underscores between words.
+pub(super) fn class_of_name(name: &str) -> Option<u8> {
+    let name = name.trim().to_lowercase().replace(['-', '_'], " ");
+    let at = CLASSES.iter().position(|(known, _)| *known == name)?;
+    u8::try_from(at).ok()
+}
+
+/// The name of a class of LAS; `None` where there is none.
+pub fn name_of_class(class: usize) -> Option<&'static str> {
+    CLASSES.get(class).map(|(name, _)| *name)
+}
+
 /// Colors the mesh as the options ask for; says what the colors mean.
 pub(super) fn apply(
     job: &mut Job<'_>,

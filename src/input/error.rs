@@ -115,6 +115,34 @@ pub enum Error {
         /// What there is.
         known: String,
     },
+    /// Points are to be kept by something that they do not carry.
+    #[error("{}: no field `{name}` to keep by; there is {known}", path.display())]
+    UnknownField {
+        /// The file.
+        path: PathBuf,
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// A mesh, where a point cloud was wanted.
+    #[error("{}: this is a mesh; point clouds are exported", path.display())]
+    NoCloud {
+        /// The file.
+        path: PathBuf,
+    },
+    /// No point or triangle is kept.
+    #[error("{}: none of {count} {what} is kept by {filter}; widen it (`surfel info` lists the range of each field)", path.display())]
+    NothingKept {
+        /// The file.
+        path: PathBuf,
+        /// How many there are.
+        count: u64,
+        /// `points` or `triangles`.
+        what: &'static str,
+        /// What they are kept by.
+        filter: String,
+    },
     /// There is nothing to draw.
     #[error("{}: {what}; check that the export selected some geometry", path.display())]
     Empty {

@@ -20,6 +20,7 @@ mod obj;
 mod off;
 mod part;
 mod ply;
+mod point_filter;
 mod pointed_index;
 mod points;
 mod polygon;
@@ -36,11 +37,14 @@ use std::fmt;
 use std::io::Read;
 use std::path::Path;
 
-pub use color_by::{ColorSetting, PointColoring};
+pub use color_by::{ColorSetting, PointColoring, name_of_class};
 pub use error::{Error, Place};
 pub use part::{FilePart, PartFate};
+pub use point_filter::{FieldCondition, FilterField, FilteredPoints, PointFilter};
 pub use stream::{StreamedModel, open_stream};
 pub use warning::Warning;
+
+pub(crate) use points::las::write as write_las;
 
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::{Mesh, faces, weld};
@@ -350,7 +354,7 @@ fn load_from<'a>(
     }
     if options.weld && !job.attributes.is_empty() {
         // Merged points would need merged values.
-        job.attributes = PointAttributes::default();
+        job.attributes.columns = Vec::new();
         let parts = vec!["attributes, since points are merged".to_owned()];
         job.warn(Warning::LeftOut { parts });
     }

@@ -145,6 +145,17 @@ pub enum Warning {
         /// What the colors mean.
         meaning: String,
     },
+    /// A part was asked for.
+    PartKept {
+        /// How many points or triangles are kept.
+        kept: u64,
+        /// Of how many.
+        count: u64,
+        /// `points` or `triangles`.
+        what: &'static str,
+        /// What they are kept by.
+        filter: String,
+    },
     /// Several scans of one file are one cloud.
     ScansJoined {
         /// How many.
@@ -315,6 +326,12 @@ impl fmt::Display for RawWarning<'_> {
             Warning::ColumnsDecided { columns } => write!(f, "columns: {columns}"),
             Warning::PointsDropped { what, count } => write!(f, "{count} {what} left out"),
             Warning::ColoredBy { name, meaning } => write!(f, "colors show {name}: {meaning}"),
+            Warning::PartKept {
+                kept,
+                count,
+                what,
+                filter,
+            } => write!(f, "kept {kept} of {count} {what}: {filter}"),
             Warning::ScansJoined { count, posed } => write!(
                 f,
                 "{count} scans are drawn as one cloud, {posed} of them moved to where the file says"

@@ -400,6 +400,27 @@ impl View {
             -v.z,
         )
     }
+
+    /// A line of model space in the picture, pixels, without what lies before the near plane; `None` where all of it does.
+    pub fn visible_line(&self, [a, b]: [Vec3; 2]) -> Option<[[f32; 2]; 2]> {
+        let near = self.near.max(1e-6);
+        let [from, to] = [self.distance(a), self.distance(b)];
+        let cut = |inside: Vec3, outside: Vec3, d: [f32; 2]| {
+            inside.lerp(outside, (d[0] - near) / (d[0] - d[1]))
+        };
+        let (a, b) = match (from > near, to > near) {
+            (false, false) => return None,
+            (true, true) => (a, b),
+            (true, false) => (a, cut(a, b, [from, to])),
+            (false, true) => (cut(b, a, [to, from]), b),
+        };
+        let place = |p: Vec3| {
+            let (x, y, _) = self.project(p);
+            [x, y]
+        };
+        let line = [place(a), place(b)];
+        line.iter().flatten().all(|v| v.is_finite()).then_some(line)
+    }
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 pub mod camera;
 pub mod cone;
 pub mod frustum;
+pub mod measured_line;
 pub mod octahedral;
 pub mod sphere;
 pub mod up_axis;

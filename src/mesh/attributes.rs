@@ -3,11 +3,38 @@
 //! A column has the type of the file (64-bit integers become doubles) and costs its bytes a point, or nothing where all
 //! points have the same value.
 
+use glam::DVec3;
+
 /// Attributes of all vertices of a cloud, column by column, in the order of its positions.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointAttributes {
     /// The columns, all of the same length, in the order of the file.
     pub columns: Vec<AttributeColumn>,
+    /// The grid on which the file has the positions; `None` where it has them as floating-point numbers.
+    pub grid: Option<CoordinateGrid>,
+}
+
+/// Coordinates that are whole numbers of steps: `offset + step * n`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CoordinateGrid {
+    /// The step of each axis, above 0.
+    pub step: DVec3,
+    /// The place of step 0.
+    pub offset: DVec3,
+}
+
+impl CoordinateGrid {
+    /// The whole numbers of the place next to `place`; not finite where the place is not.
+    #[inline]
+    pub fn steps(&self, place: DVec3) -> DVec3 {
+        ((place - self.offset) / self.step).round()
+    }
+
+    /// The place on the grid next to `place`: what the file says, where that was rounded by less than half a step.
+    #[inline]
+    pub fn nearest(&self, place: DVec3) -> DVec3 {
+        self.offset + self.step * self.steps(place)
+    }
 }
 
 /// One attribute of all points.
@@ -198,6 +225,21 @@ macro_rules! number {
                 }
             }
 
+            /// The values of these points, in this order; those beyond the last are left out.
+            #[must_use]
+            pub fn ordered(&self, order: &[u32]) -> AttributeValues {
+                match self {
+                    AttributeValues::Constant { number, value, count } => {
+                        let there = order.iter().filter(|&&index| (index as usize) < *count);
+                        AttributeValues::Constant { number: *number, value: *value, count: there.count() }
+                    }
+                    $(AttributeValues::$variant(values) => {
+                        let there = order.iter().filter_map(|&index| values.get(index as usize));
+                        AttributeValues::$variant(there.copied().collect())
+                    })*
+                }
+            }
+
             /// Keeps the values of those points whose index `keep` accepts.
             pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
                 match self {
@@ -299,6 +341,13 @@ impl PointAttributes {
         columns.find(|column| column.name.eq_ignore_ascii_case(name))
     }
 
+    /// Puts the values in another order: that of the points with these indices.
+    pub fn reorder(&mut self, order: &[u32]) {
+        for column in &mut self.columns {
+            column.values = column.values.ordered(order);
+        }
+    }
+
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty()
@@ -338,6 +387,23 @@ mod tests {
     }
 
     #[test]
+    fn places_on_a_grid_are_those_of_the_file() {
+        let grid = CoordinateGrid {
+            step: DVec3::new(0.01, 0.01, 0.001),
+            offset: DVec3::new(600_000.0, 4_000_000.0, -7.0),
+        };
+        let place = DVec3::new(636_012.34, 4_849_000.07, 412.345);
+        // As far off as single precision puts a point 3 km from the origin.
+        let moved = place + DVec3::new(1e-4, -1e-4, 1.2e-4);
+        assert_eq!(grid.nearest(moved), grid.nearest(place));
+        assert!(grid.nearest(moved).distance(place) < 1e-9);
+        assert_eq!(
+            grid.steps(place),
+            DVec3::new(3_601_234.0, 84_900_007.0, 419_345.0)
+        );
+    }
+
+    #[test]
     fn values_have_scale_offset_and_a_range() {
         let mut column = AttributeColumn::new("angle", AttributeKind::Quantity, NumberType::I16);
         column
@@ -346,11 +412,18 @@ mod tests {
         (column.scale, column.offset) = (0.5, 10.0);
         assert_eq!(column.value(0), Some(8.5));
         assert_eq!(column.range(), Some([8.5, 12.5]));
-        let attributes = PointAttributes {
+        let mut attributes = PointAttributes {
             columns: vec![column],
+            grid: None,
         };
         assert_eq!(attributes.bytes_a_point(), 2);
         assert!(attributes.find("Angle").is_some() && attributes.find("time").is_none());
+        attributes.reorder(&[2, 0]);
+        assert_eq!(attributes.columns[0].value(0), Some(10.0));
+        assert_eq!(attributes.columns[0].value(1), Some(8.5));
+        let mut same = AttributeValues::of(vec![7_u8; 3]);
+        same = same.ordered(&[1, 1, 2, 0, 9]);
+        assert_eq!((same.len(), same.get(3)), (4, Some(7.0)));
         let holes = AttributeValues::of(vec![f32::NAN, f32::INFINITY, 2.0]);
         let column = AttributeColumn {
             values: holes,

@@ -1,6 +1,6 @@
 //! Paged trees: of a file, of memory, or on a web server.
 
-use super::{OpenOptions, SourceContent, SourceFormat};
+use super::{OpenOptions, SourceContent, SourceFormat, keep};
 use crate::Error;
 use crate::input::{self, Counts};
 use crate::pages::file::PagedFile;
@@ -12,6 +12,7 @@ use crate::pages::join;
 use crate::pages::source::ByteSource;
 use crate::progress::Progress;
 use crate::tree;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Reads a paged file: its first page where pages are streamed, else all of them.
@@ -22,7 +23,7 @@ pub(super) fn read_pages(
 ) -> Result<SourceContent, Error> {
     let file_bytes = source.len();
     let file = PagedFile::open(source).map_err(tree::Error::from)?;
-    if options.streams_pages {
+    if options.streams_pages && options.keep.is_empty() {
         let model = file.stand_in(file.origin()).map_err(tree::Error::from)?;
         return Ok(SourceContent {
             format: SourceFormat::PagedTree,
@@ -41,6 +42,9 @@ pub(super) fn read_pages(
             paged: Some(file),
             ..SourceContent::tree(model, file_bytes)
         });
+    }
+    if !options.keep.is_empty() {
+        keep::check_memory(&file, Path::new(file.name()))?;
     }
     let model = join::whole_model(&file, progress)?;
     Ok(SourceContent {

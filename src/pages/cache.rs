@@ -14,20 +14,21 @@ struct CachedPage {
     frame: u64,
 }
 
+/// Bytes of memory that the system has free; `None` where it does not say.
+pub fn free_memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text
+        .lines()
+        .find(|line| line.starts_with("MemAvailable:"))?;
+    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib * 1024)
+}
+
 /// The usual budget: half of the memory that the system has free, at most 4 GiB; 1 GiB where it does not say.
 pub fn usual_budget() -> u64 {
     const MOST: u64 = 4 << 30;
     const UNKNOWN: u64 = 1 << 30;
-    let free = std::fs::read_to_string("/proc/meminfo")
-        .ok()
-        .and_then(|text| {
-            let line = text
-                .lines()
-                .find(|line| line.starts_with("MemAvailable:"))?;
-            let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-            Some(kib * 1024)
-        });
-    free.map_or(UNKNOWN, |free| (free / 2).min(MOST))
+    free_memory().map_or(UNKNOWN, |free| (free / 2).min(MOST))
 }
 
 /// What taking in a page changed.

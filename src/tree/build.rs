@@ -5,15 +5,14 @@
 //! The work, in order: centers of the leaves' spheres; the shape ([`super::shape`]); the leaves' places in it
 //! ([`super::partition`]); vertices in order of use ([`super::order`]); nodes upward ([`super::blocks`]).
 
-use super::blocks::{self, LeafSource};
 use super::closed::ClosedEvidence;
 use super::flat_partition::FlatPartition;
+use super::grow::{TreeGrowth, VertexExtent, level_starts_of, links};
 use super::partition::TreePartition;
 use super::shape::TreeShape;
 use super::sort_item::SortItem;
 use super::{
-    AlignedRecords, Error, Leaf, Model, ModelTextures, Node, NodeAttributes, NormalCone, Tree,
-    framed, moments, order, spacing, textures,
+    AlignedRecords, Error, Leaf, Model, ModelTextures, Tree, framed, order, spacing, textures,
 };
 use crate::math::sphere;
 use crate::mesh::creases;
@@ -23,7 +22,7 @@ use crate::progress::Progress;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Choices of the build.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -68,8 +67,28 @@ pub fn build(mesh: Mesh, options: &BuildOptions, progress: &dyn Progress) -> Res
     let parts = BuildParts {
         radii: None,
         part: None,
+        keeps_order: false,
     };
-    Ok(build_around(mesh, options, parts, progress)?.0)
+    Ok(build_around(mesh, options, parts, progress)?.model)
+}
+
+/// Builds as [`build`], and tells where the vertices came from: the index in the mesh of each vertex of the model. Copies of
+/// vertices, made along sharp edges, have indices beyond those of the mesh; points of a cloud have none.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_ordered(
+    mesh: Mesh,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<(Model, Vec<u32>), Error> {
+    let parts = BuildParts {
+        radii: None,
+        part: None,
+        keeps_order: true,
+    };
+    let grown = build_around(mesh, options, parts, progress)?;
+    Ok((grown.model, grown.old_of_new))
 }
 
 /// Builds the tree of a cloud whose points have radii of their own, in the order of the positions, instead of measured
@@ -93,8 +112,9 @@ pub fn build_with_radii(
     let parts = BuildParts {
         radii: Some(radii),
         part: None,
+        keeps_order: false,
     };
-    Ok(build_around(mesh, &BuildOptions::default(), parts, progress)?.0)
+    Ok(build_around(mesh, &BuildOptions::default(), parts, progress)?.model)
 }
 
 /// What is known of a tree before it is built.
@@ -104,6 +124,8 @@ pub(super) struct BuildParts<'a> {
     pub(super) radii: Option<&'a [f32]>,
     /// The whole that the model is a part of.
     pub(super) part: Option<PartPlace>,
+    /// Where vertices came from is told ([`GrownModel::old_of_new`]).
+    pub(super) keeps_order: bool,
 }
 
 /// What a part of a model has in common with the others.
@@ -136,8 +158,12 @@ pub(super) fn build_around(
     options: &BuildOptions,
     parts: BuildParts<'_>,
     progress: &dyn Progress,
-) -> Result<(Model, ClosedEvidence), Error> {
-    let BuildParts { radii, part } = parts;
+) -> Result<GrownModel, Error> {
+    let BuildParts {
+        radii,
+        part,
+        keeps_order,
+    } = parts;
     let is_cloud = mesh.is_cloud();
     let (what, count) = if is_cloud {
         ("points", mesh.positions.len())
@@ -210,11 +236,7 @@ pub(super) fn build_around(
     check_stop()?;
 
     progress.stage("arranging vertices", count as u64);
-    let mut level_starts = Vec::with_capacity(shape.levels.len() + 1);
-    level_starts.push(0u32);
-    for level in &shape.levels {
-        level_starts.push(level_starts[level_starts.len() - 1] + level.len() as u32);
-    }
+    let level_starts = level_starts_of(&shape);
     // Both go through long lists one by one for most of their time.
     let (arranged, (parents, first_leaf)) = rayon::join(
         || arrange(mesh, &leaves, options),
@@ -226,7 +248,14 @@ pub(super) fn build_around(
         let own = |item: &SortItem| radii[item.index as usize].max(0.0);
         items.iter().map(own).collect()
     });
-    let ArrangedMesh { mut model, normals } = arranged?;
+    let ArrangedMesh {
+        mut model,
+        normals,
+        mut old_of_new,
+    } = arranged?;
+    if !keeps_order {
+        old_of_new = Vec::new();
+    }
     progress.advance(count as u64);
     check_stop()?;
 
@@ -240,47 +269,23 @@ pub(super) fn build_around(
         check_stop()?;
     }
     progress.stage("building nodes", count as u64);
-    let node_count = shape.node_count();
-    let mut nodes = AlignedRecords::of_tree(node_count);
-    let mut attributes = AlignedRecords::<NodeAttributes>::of_tree(node_count);
-    let source = LeafSource {
+    let growth = TreeGrowth {
         shape: &shape,
-        level_starts: &level_starts,
-        vertices: &model.vertices,
-        normals: &normals,
-        triangles: &model.triangles,
-        leaf_colors: (model.textures.as_deref()).map_or(&[], |textures| &textures.leaf_colors),
+        level_starts,
+        links: (parents, first_leaf),
+        normals,
         origin: part.map_or(model.orbit_center.as_dvec3(), |part| part.center),
         stop: &stop,
         done: &advance,
     };
-    let findings = blocks::fill(&source, &mut leaves, &mut nodes, &mut attributes);
+    let evidence = growth.grow(&mut model, leaves);
     check_stop()?;
-    if findings.any_flat {
-        // Children of a node come after it: what is inherited is already final.
-        for index in 0..nodes.len() {
-            if nodes[index].flags & Node::FLAT != 0 {
-                nodes[index].cone = if index == 0 {
-                    NormalCone::ALL
-                } else {
-                    nodes[parents[index] as usize].cone
-                };
-            }
-        }
-    }
-    drop(normals);
-    model.is_closed = !is_cloud && findings.evidence.is_closed();
-    model.tree = Tree {
-        nodes,
-        attributes,
-        parents,
-        first_leaf,
-        level_starts,
-        leaves,
-        moments: AlignedRecords::default(),
-    };
-    model.tree.moments = moments::compute(&model);
-    Ok((model, findings.evidence))
+    model.is_closed = !is_cloud && evidence.is_closed();
+    Ok(GrownModel {
+        model,
+        evidence,
+        old_of_new,
+    })
 }
 
 /// Most leaves and most vertices: indices have 32 bits, and the sentinel of an unseen vertex takes one.
@@ -351,10 +356,20 @@ pub(super) fn leaf_centers(mesh: &Mesh, items: &mut [SortItem]) -> Result<(), Er
     )
 }
 
-/// A model without its tree, and the normals of its vertices in full.
+/// A model without its tree, the normals of its vertices in full, and where its vertices came from.
 struct ArrangedMesh {
     model: Model,
     normals: Vec<Vec3>,
+    old_of_new: Vec<u32>,
+}
+
+/// A model with what was learned while its tree grew.
+#[derive(Debug)]
+pub(super) struct GrownModel {
+    pub(super) model: Model,
+    pub(super) evidence: ClosedEvidence,
+    /// Index in the mesh of each vertex, where that was asked for; else empty.
+    pub(super) old_of_new: Vec<u32>,
 }
 
 /// Triangles in tree order, vertices in the order of their first use; frees the mesh.
@@ -411,38 +426,16 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf], options: &BuildOptions) -> Result<Ar
         let vertex = old_of_new[index] as usize;
         return Err(Error::NotFinite { vertex });
     }
-    let (min, max) = used_vertices
-        .par_iter()
-        .with_min_len(4096)
-        .map(|vertex| (vertex.position, vertex.position))
-        .reduce(
-            || (Vec3::INFINITY, Vec3::NEG_INFINITY),
-            |a, b| (a.0.min(b.0), a.1.max(b.1)),
-        );
-    let (min, max) = if used == 0 {
-        (Vec3::ZERO, Vec3::ZERO)
-    } else {
-        (min, max)
-    };
-    let center: DVec3 = (min.as_dvec3() + max.as_dvec3()) * 0.5;
-    // The bits of a number that is not negative sort like the number.
-    let farthest = AtomicU64::new(0);
-    used_vertices.par_chunks(4096).for_each(|chunk| {
-        let square = chunk
-            .iter()
-            .map(|v| center.distance_squared(v.position.as_dvec3()))
-            .fold(0.0, f64::max);
-        farthest.fetch_max(square.to_bits(), Ordering::Relaxed);
-    });
+    let extent = VertexExtent::of(used_vertices);
     let mut model = Model {
         used_vertices: used,
         triangles,
         tree: Tree::default(),
         origin,
-        min,
-        max,
-        orbit_center: center.as_vec3(),
-        orbit_radius: f64::from_bits(farthest.into_inner()).sqrt() as f32,
+        min: extent.min,
+        max: extent.max,
+        orbit_center: extent.center,
+        orbit_radius: extent.radius,
         framed: None,
         is_closed: false,
         has_colors,
@@ -450,27 +443,9 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf], options: &BuildOptions) -> Result<Ar
         textures,
     };
     model.framed = framed::of(&model);
-    Ok(ArrangedMesh { model, normals })
-}
-
-/// Parents and first leaves of all nodes.
-fn links(shape: &TreeShape, level_starts: &[u32]) -> (Vec<u32>, Vec<u32>) {
-    let mut parents = Vec::with_capacity(shape.node_count());
-    let mut first_leaf = Vec::with_capacity(shape.node_count());
-    if !shape.levels.is_empty() {
-        parents.push(0);
-    }
-    for (level, &start) in shape.levels.iter().zip(level_starts) {
-        first_leaf.extend_from_slice(&level.leaf_starts[..level.len()]);
-        // The last level's children are leaves, which have no entry.
-        if parents.len() < shape.node_count() {
-            for (index, pair) in level.child_starts.windows(2).enumerate() {
-                parents.extend(std::iter::repeat_n(
-                    start + index as u32,
-                    (pair[1] - pair[0]) as usize,
-                ));
-            }
-        }
-    }
-    (parents, first_leaf)
+    Ok(ArrangedMesh {
+        model,
+        normals,
+        old_of_new,
+    })
 }

@@ -12,7 +12,9 @@ mod closed;
 pub mod file;
 mod flat_partition;
 mod framed;
+mod grow;
 mod inside;
+mod keep;
 mod kind;
 mod moments;
 mod moved;
@@ -33,7 +35,7 @@ mod thickness;
 
 pub use access::MemoryBytes;
 pub(crate) use build::PartPlace;
-pub use build::{BuildOptions, SplitRule, build, build_with_radii};
+pub use build::{BuildOptions, SplitRule, build, build_ordered, build_with_radii};
 pub use check::{CheckReport, check, links};
 pub(crate) use closed::ClosedEvidence;
 pub use framed::FramedPart;

@@ -98,8 +98,10 @@ pub(crate) fn build_part(
     let parts = BuildParts {
         radii: None,
         part: Some(part),
+        keeps_order: false,
     };
-    build_around(mesh, &options, parts, progress)
+    let grown = build_around(mesh, &options, parts, progress)?;
+    Ok((grown.model, grown.evidence))
 }
 
 /// The records of a node.

@@ -29,7 +29,7 @@ pub fn keys(context: &Context, size: egui::Vec2) -> bool {
                             for (index, (heading, keys)) in KEYS.iter().enumerate() {
                                 // Drawing is the longest; it has a column of its own with the mouse.
                                 let column =
-                                    usize::from(columns == 2 && [1, 3, 4].contains(&index));
+                                    usize::from(columns == 2 && [1, 3, 5].contains(&index));
                                 group(&mut ui[column], heading, keys);
                             }
                         });

@@ -107,6 +107,26 @@ pub const KEYS: &[KeyGroup] = &[
         ],
     ),
     (
+        "Measuring",
+        &[
+            (
+                "Ctrl + Shift + left click",
+                "measure: the visible point under the cursor is the next of the line",
+            ),
+            ("Ctrl N", "the next point begins another line"),
+            (
+                "Ctrl J",
+                "join the last point to the first: an area; or not",
+            ),
+            ("Ctrl Z", "take the last point away"),
+            ("Ctrl S", "write all measures to surfel-measures-NNN.json"),
+            (
+                "Ctrl I",
+                "show the point under the cursor: place and attributes",
+            ),
+        ],
+    ),
+    (
         "Window",
         &[
             ("Tab", "panel"),
@@ -196,6 +216,8 @@ pub enum Command {
     Photographs,
     /// Look from the pose of the next (1) or previous (-1) photograph.
     PhotographBy(i64),
+    /// Something of measures.
+    Measure(MeasureChange),
     /// Hold the cut of this view, or let it go.
     HoldCut,
     /// Switch the statistics in the title.
@@ -232,6 +254,21 @@ pub enum Command {
     FullScreen,
     /// Dismiss messages.
     Dismiss,
+}
+
+/// What a key does to measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MeasureChange {
+    /// Show what is under the cursor, or do not.
+    PointInfo,
+    /// The next point begins another line.
+    End,
+    /// Join the last point to the first, or not.
+    Close,
+    /// Take the last point away.
+    Undo,
+    /// Write all to a file.
+    Save,
 }
 
 /// Step of the threshold, pixels.
@@ -300,6 +337,11 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
         return match key {
             KeyboardKey::Char('c') => Some(Command::CopyCamera),
             KeyboardKey::Char('v') => Some(Command::Paste),
+            KeyboardKey::Char('i') => Some(Command::Measure(MeasureChange::PointInfo)),
+            KeyboardKey::Char('n') => Some(Command::Measure(MeasureChange::End)),
+            KeyboardKey::Char('j') => Some(Command::Measure(MeasureChange::Close)),
+            KeyboardKey::Char('z') => Some(Command::Measure(MeasureChange::Undo)),
+            KeyboardKey::Char('s') => Some(Command::Measure(MeasureChange::Save)),
             _ => None,
         };
     }
@@ -381,6 +423,8 @@ pub enum MouseGesture {
     Move(DragAction, DVec2),
     /// A double click on a point.
     DoubleClick(DVec2),
+    /// A click on a point to be measured.
+    Measure(DVec2),
 }
 
 /// Longest time between the clicks of a double click, seconds.
@@ -430,6 +474,9 @@ impl MouseState {
         }
         if self.drag.is_some() {
             return None;
+        }
+        if button == MouseButton::Left && modifiers.control && modifiers.shift {
+            return Some(MouseGesture::Measure(self.at));
         }
         let drag = match button {
             MouseButton::Left if modifiers.control => DragAction::Lamp,

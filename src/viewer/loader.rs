@@ -6,6 +6,7 @@ use crate::gpu::{self, Gpu, lock};
 use crate::input::Warning;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
+use crate::mesh::attributes::PointAttributes;
 use crate::open::{OpenOptions, open_with_preview};
 use crate::progress::Progress;
 use crate::render::model_facts::{DrawnParts, facted};
@@ -55,6 +56,8 @@ pub struct Loaded {
     pub up: UpAxis,
     /// What of its file was repaired or left out.
     pub warnings: Vec<Warning>,
+    /// What its points carry, in the order of the model's.
+    pub attributes: PointAttributes,
     /// Models that are drawn with it, in its space.
     pub more: Vec<LoadedPart>,
     /// Sentences about models that were to be drawn with it and could not be opened.
@@ -76,6 +79,8 @@ pub struct LoadedPart {
     pub pages: Option<PagedModel>,
     /// What of its file was repaired or left out.
     pub warnings: Vec<Warning>,
+    /// What its points carry, in the order of the model's; nothing where the model was moved, which orders it anew.
+    pub attributes: PointAttributes,
 }
 
 /// Where models are copied to, and with the indices of all triangles or without; none before a device is open.
@@ -147,7 +152,10 @@ impl ModelLoader {
         };
         Self::of_function(Arc::new(move |path, progress, on_preview| {
             let mut on_mesh = |mesh: &Mesh| {
-                if let Some(model) = preview::model(mesh, progress) {
+                // It would show what is not kept.
+                if options.keep.is_empty()
+                    && let Some(model) = preview::model(mesh, progress)
+                {
                     on_preview(model);
                 }
             };
@@ -159,6 +167,7 @@ impl ModelLoader {
                 pages: pages.map_err(crate::Error::from)?,
                 up: opened.up.axis,
                 warnings: opened.warnings,
+                attributes: opened.attributes,
                 ..Loaded::default()
             })
         }))
@@ -288,6 +297,10 @@ impl Loaded {
     /// Adds a model that was loaded alone, in the space of the first.
     fn add(&mut self, path: PathBuf, other: Self, progress: &dyn Progress) {
         let origin = self.model.origin;
+        let attributes = match other.model.origin == origin {
+            true => other.attributes,
+            false => PointAttributes::default(),
+        };
         let moved = match other.pages {
             Some(pages) => pages
                 .moved_to(origin)
@@ -301,6 +314,7 @@ impl Loaded {
                 model,
                 pages,
                 warnings: other.warnings,
+                attributes,
             }),
             Err(error) => {
                 let error = LoadError::Open(error.into());

@@ -1,7 +1,7 @@
 //! The window: opens at once, loads on another thread, draws only when something has changed.
 //!
 //! Events of the window system become [`event`]s in `window`; `app` turns them into frames, which `screen` draws
-//! onto the window. [`camera`], [`control`], [`input`], [`lamp`], [`loader`], [`notice`], [`pace`], [`preview`], [`record`], [`store`] and [`text`]
+//! onto the window. [`camera`], [`control`], [`input`], [`lamp`], [`loader`], [`measuring`], [`notice`], [`pace`], [`pick`], [`preview`], [`record`], [`store`] and [`text`]
 //! are pure logic; [`ui`], [`panel`], [`graph`] and [`help`] know egui. None of them knows Vulkan or the window
 //! system. The main thread owns window and device.
 
@@ -15,9 +15,11 @@ pub mod help;
 pub mod input;
 pub mod lamp;
 pub mod loader;
+pub mod measuring;
 pub mod notice;
 pub mod pace;
 pub mod panel;
+pub mod pick;
 pub mod preview;
 pub mod record;
 mod recovery;

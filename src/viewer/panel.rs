@@ -4,7 +4,7 @@
 use super::choices::{self, NamedChoice, name_of};
 use super::control::BudgetReport;
 use super::help::ACCENT;
-use super::input::Command;
+use super::input::{Command, MeasureChange};
 use super::lamp::LightKind;
 use super::text::count;
 use crate::pack::{ColorBy, Lighting};
@@ -63,6 +63,8 @@ pub struct PanelState<'a> {
     pub parts: Vec<(&'a str, bool)>,
     /// Photographs of the model, where there are any.
     pub photographs: Option<PhotographState>,
+    /// A line of text for each measure, and whether the last one goes on.
+    pub measures: MeasureState,
 }
 
 /// What the user asks for.
@@ -78,6 +80,8 @@ pub enum PanelWish {
     FrameTime(Option<f64>),
     /// Something of photographs.
     Photograph(PhotographWish),
+    /// Take a measure away.
+    RemoveMeasure(usize),
     /// Draw a model, or leave it out.
     Show {
         /// Its index among the models.
@@ -138,6 +142,7 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     if let Some(of_photos) = &state.photographs {
         photographs::show(ui, &mut settings, of_photos, wishes);
     }
+    measures::show(ui, &state.measures, wishes);
     if settings != *state.settings {
         wishes.push(PanelWish::Settings(Box::new(settings)));
     }
@@ -170,6 +175,11 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
                 "Photo",
                 Command::Photo,
                 "Write a picture twice as wide and high, 16 samples a pixel, to surfel-photo-NNN.png (Shift P)",
+            ),
+            (
+                "Point",
+                Command::Measure(MeasureChange::PointInfo),
+                "Show the point under the cursor, place and attributes (Ctrl I)",
             ),
             (
                 "Turntable",
@@ -566,9 +576,11 @@ fn frame(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
 }
 
 mod lamp;
+pub mod measures;
 mod patches;
 mod photographs;
 
+pub use measures::MeasureState;
 pub use photographs::{PhotographState, PhotographWish};
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ mod models;
 mod pages;
 mod photo;
 mod photographs;
+mod pick;
 
 use super::control::FrameWork;
 use super::lamp::same_cost;

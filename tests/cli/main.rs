@@ -18,6 +18,7 @@ mod motion;
 mod pictures;
 mod profile;
 mod reproduce;
+mod scans;
 mod stability;
 mod stats;
 mod streams;

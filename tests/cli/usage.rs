@@ -5,6 +5,7 @@ use super::harness::{command, expect, names, run_with, surfel};
 const COMMANDS: &[&str] = &[
     "render",
     "build",
+    "export",
     "info",
     "check",
     "generate",

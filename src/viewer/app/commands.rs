@@ -133,6 +133,7 @@ impl ViewerApp {
             }
             Command::Photographs => self.switch_photographs(),
             Command::PhotographBy(step) => self.step_photograph(step),
+            Command::Measure(change) => self.change_measures(change),
             Command::HoldCut => self.hold_cut(),
             Command::Statistics => self.has_statistics = !self.has_statistics,
             Command::Print => self.print_statistics()?,
@@ -509,7 +510,7 @@ impl ViewerApp {
 }
 
 /// The first of `name000end` to `name999end` that is not there yet.
-fn free_path(name: &str, end: &str) -> Option<PathBuf> {
+pub(super) fn free_path(name: &str, end: &str) -> Option<PathBuf> {
     (0..1000)
         .map(|n| PathBuf::from(format!("{name}{n:03}{end}")))
         .find(|path| !path.exists())

@@ -22,6 +22,7 @@ impl ViewerApp {
             self.time = entry.time.max(self.time);
             self.event(&entry.event)?;
         }
+        self.look_at_cursor()?;
         let steps = std::mem::take(&mut self.wheel);
         if steps != 0.0 {
             match &mut self.fly {
@@ -69,6 +70,8 @@ impl ViewerApp {
                     }
                 } else if let Some(gesture) = self.mouse.moved(at) {
                     self.gesture(gesture)?;
+                } else {
+                    self.measuring.cursor_moved();
                 }
             }
             ViewerEvent::Button { .. } if self.fly.is_some() => {}
@@ -322,6 +325,7 @@ impl ViewerApp {
                 });
                 self.drag_distance *= factor;
             }
+            MouseGesture::Measure(at) => self.measure_at(at)?,
             MouseGesture::DoubleClick(at) => {
                 if let Some(distance) = self.probe(at)? {
                     self.change(|orbit| orbit.set_pivot(at, distance));

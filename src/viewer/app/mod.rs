@@ -5,6 +5,7 @@ mod commands;
 mod draw;
 mod events;
 mod light;
+mod measuring;
 mod photographs;
 mod show;
 
@@ -14,6 +15,7 @@ use super::event::KeyboardKey;
 use super::graph::TimeHistory;
 use super::input::MouseState;
 use super::loader::{LoadError, Loaded, ModelLoader, failure};
+use super::measuring::MeasureTool;
 use super::notice::{NoticeList, NoticeWeight};
 use super::pace::PacedFrame;
 use super::panel::PanelFacts;
@@ -23,6 +25,7 @@ use super::{Error, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
 use crate::math::camera::{Camera, Light};
 use crate::math::up_axis::UpAxis;
+use crate::mesh::attributes::PointAttributes;
 use crate::pack::{Lighting, Phong};
 use crate::render::{Method, Settings};
 use crate::tree::{Model, OrbitSphere};
@@ -151,6 +154,9 @@ pub(super) struct ViewerApp {
     pub(super) frames: u64,
     pub(super) asks: Vec<FileAsk>,
     photographs: ModelPhotographs,
+    measuring: MeasureTool,
+    /// What the points of each model carry.
+    attributes: Vec<PointAttributes>,
 }
 
 /// Writes a message to standard error, which may be gone; the window is there.
@@ -223,6 +229,8 @@ impl ViewerApp {
             frames: 0,
             asks: Vec::new(),
             photographs: ModelPhotographs::default(),
+            measuring: MeasureTool::default(),
+            attributes: Vec::new(),
             options,
         }
     }
@@ -258,7 +266,7 @@ impl ViewerApp {
     pub(super) fn has_cover(&self) -> bool {
         let has_notices = !self.notices.list().is_empty();
         let has_window = self.has_panel || self.has_help || self.has_graph;
-        has_window || has_notices || self.photographs.has_frusta
+        has_window || has_notices || self.photographs.has_frusta || self.measuring.is_shown()
     }
 
     pub(super) fn warn(&mut self, message: &str) {
@@ -319,13 +327,16 @@ impl ViewerApp {
                 let parts = loaded.more.into_iter();
                 self.part_names = vec![text::name(path)];
                 let (mut more, mut pages) = (Vec::new(), vec![loaded.pages]);
+                let mut attributes = vec![loaded.attributes];
                 for part in parts {
                     self.part_names.push(text::name(&part.path));
                     more.push(part.model);
+                    attributes.push(part.attributes);
                     pages.push(part.pages);
                 }
                 let shown = self.screen.set_model(loaded.model, more, loaded.scene);
                 if shown.is_ok() {
+                    self.attributes = attributes;
                     self.screen.set_pages(pages, self.waits_for_pages());
                 }
                 shown.map_err(LoadError::from)
@@ -423,6 +434,7 @@ impl ViewerApp {
         }
         if !is_preview {
             self.photographs_of_new_model()?;
+            self.measuring.forget();
         }
         match self.options.turntable.clone() {
             Some(folder) if !is_preview => self.start_turntable(folder),

@@ -265,7 +265,7 @@ impl ViewerApp {
     }
 
     /// The view of the picture in the window.
-    fn view_of_picture(&self) -> Option<View> {
+    pub(super) fn view_of_picture(&self) -> Option<View> {
         let camera = self.camera()?;
         camera.view(self.screen.model()?.origin).ok()
     }
@@ -416,33 +416,12 @@ impl ViewerApp {
             let corners = [at(0.0, 0.0), at(w, 0.0), at(w, h), at(0.0, h)];
             for i in 0..4 {
                 for [a, b] in [[eye, corners[i]], [corners[i], corners[(i + 1) % 4]]] {
-                    lines.extend(clipped_line(&view, [a, b]).map(|line| (line, index)));
+                    lines.extend(view.visible_line([a, b]).map(|line| (line, index)));
                 }
             }
         }
         lines
     }
-}
-
-/// A line of model space in the picture, pixels, without what lies before the near plane.
-fn clipped_line(view: &View, [a, b]: [glam::Vec3; 2]) -> Option<[[f32; 2]; 2]> {
-    let near = view.near.max(1e-6);
-    let [from, to] = [view.distance(a), view.distance(b)];
-    let cut = |inside: glam::Vec3, outside: glam::Vec3, d: [f32; 2]| {
-        inside.lerp(outside, (d[0] - near) / (d[0] - d[1]))
-    };
-    let (a, b) = match (from > near, to > near) {
-        (false, false) => return None,
-        (true, true) => (a, b),
-        (true, false) => (a, cut(a, b, [from, to])),
-        (false, true) => (cut(b, a, [to, from]), b),
-    };
-    let place = |p: glam::Vec3| {
-        let (x, y, _) = view.project(p);
-        [x, y]
-    };
-    let line = [place(a), place(b)];
-    line.iter().flatten().all(|v| v.is_finite()).then_some(line)
 }
 
 /// The camera of a photograph for a picture of this size: all of the photograph is seen, in the middle.

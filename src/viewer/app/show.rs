@@ -5,7 +5,7 @@
 
 use super::ViewerApp;
 use crate::projective::frame_photos::photo_tint;
-use crate::viewer::panel::{self, PanelState, PanelWish};
+use crate::viewer::panel::{self, PanelState, PanelWish, measures};
 use crate::viewer::{Error, help};
 use egui::{Align2, Area, Frame, vec2};
 use glam::DVec2;
@@ -82,14 +82,18 @@ impl ViewerApp {
                 .zip(self.screen.shown().iter().copied())
                 .collect(),
             photographs: self.photograph_state(),
+            measures: self.measure_state(),
         };
         let frusta = self.frusta();
+        let marks = self.measure_marks();
         let inset = self.inset() as f32;
         let left = if self.has_panel { panel::WIDTH } else { 0.0 };
         let budget = control.map_or(1000.0 / 60.0, |(_, ms, _)| ms);
         let painted = self.interface.run(self.time, |ui| {
             let context = ui.ctx();
             paint_frusta(context, &frusta, inset, size);
+            measures::paint(context, &marks, inset, size);
+            measures::point_info(context, self.measuring.seen());
             if self.has_panel {
                 wishes = panel::show(context, &state, size.y);
             }
@@ -137,6 +141,7 @@ impl ViewerApp {
                 PanelWish::Command(command) => self.command(command)?,
                 PanelWish::Settings(settings) => self.wish(*settings),
                 PanelWish::Light(light) => self.set_light(light),
+                PanelWish::RemoveMeasure(index) => self.measuring.remove(index),
                 PanelWish::FrameTime(ms) => self.set_frame_time(ms),
                 PanelWish::Photograph(wish) => self.photograph_wish(wish),
                 PanelWish::Show { part, is_shown } => {

@@ -191,6 +191,7 @@ fn state<'a>(settings: &'a Settings, facts: &'a PanelFacts) -> PanelState<'a> {
         is_flying: false,
         parts: Vec::new(),
         photographs: None,
+        measures: MeasureState::default(),
     }
 }
 
@@ -343,7 +344,9 @@ fn what_a_click_does_a_key_does() {
                     new.depth_offset.is_none() && commands.contains(&Command::UsualDepthOffset)
                 }
                 PanelWish::Light(_) => commands.contains(&Command::Light),
-                PanelWish::Show { .. } | PanelWish::Photograph(_) => false,
+                PanelWish::Show { .. } | PanelWish::Photograph(_) | PanelWish::RemoveMeasure(_) => {
+                    false
+                }
                 PanelWish::FrameTime(_) => commands.contains(&Command::FrameTime(1)),
             };
             assert!(

@@ -10,8 +10,10 @@ mod fields;
 mod header;
 mod stream;
 mod unpack;
+mod write;
 
 pub(in super::super) use stream::open_stream;
+pub(crate) use write::write;
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -1,0 +1,113 @@
+//! Parts of opened models.
+
+use super::OpenedModel;
+use crate::Error;
+use crate::input::{self, FilteredPoints, PointFilter, Warning};
+use crate::mesh::Mesh;
+use crate::mesh::attributes::PointAttributes;
+use crate::pages::cache::free_memory;
+use crate::pages::file::PagedFile;
+use crate::progress::Progress;
+use crate::tree::{self, BuildOptions, Model};
+use glam::Vec3;
+use std::path::Path;
+
+/// Builds the tree, and puts what the points of a cloud carry into its order.
+pub(super) fn build(
+    mesh: Mesh,
+    options: &BuildOptions,
+    attributes: &mut PointAttributes,
+    progress: &dyn Progress,
+) -> Result<Model, tree::Error> {
+    if attributes.is_empty() || !mesh.is_cloud() {
+        return tree::build(mesh, options, progress);
+    }
+    let (model, order) = tree::build_ordered(mesh, options, progress)?;
+    attributes.reorder(&order);
+    Ok(model)
+}
+
+/// Bytes of a leaf in memory with its share of vertices and nodes, and half of that again for the part that is kept.
+const LEAF_BYTES: u64 = 150;
+
+/// Refuses a paged file that would not fit the memory: only all of its pages together can be cut down.
+pub(super) fn check_memory(file: &PagedFile, path: &Path) -> Result<(), input::Error> {
+    let found = file.header().leaf_count.saturating_mul(LEAF_BYTES);
+    match free_memory() {
+        Some(limit) if found > limit => Err(input::Error::TooLarge {
+            path: path.to_owned(),
+            what: "bytes of memory for a paged file of which a part is kept",
+            found,
+            limit,
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Which leaves of a model a filter keeps; its attributes are in the order of the model's points. `name` is for messages.
+///
+/// # Errors
+/// [`input::Error::UnknownField`], [`input::Error::NothingKept`].
+fn kept_leaves(
+    model: &Model,
+    attributes: &PointAttributes,
+    filter: &PointFilter,
+    name: &str,
+) -> Result<Vec<bool>, input::Error> {
+    let place = |leaf: usize| match model.triangles.get(leaf) {
+        None => model.vertices[leaf].position,
+        Some(triangle) => {
+            let corners = triangle.map(|corner| model.vertices[corner as usize].position);
+            corners.iter().sum::<Vec3>() / 3.0
+        }
+    };
+    let none = PointAttributes::default();
+    let is_cloud = model.kind().is_points();
+    let mask = filter.mask(&FilteredPoints {
+        path: Path::new(name),
+        count: model.tree.leaves.len(),
+        place: &place,
+        origin: model.origin,
+        attributes: if is_cloud { attributes } else { &none },
+    })?;
+    if mask.contains(&true) {
+        return Ok(mask);
+    }
+    Err(input::Error::NothingKept {
+        path: name.into(),
+        count: mask.len() as u64,
+        what: what_leaves_are(model),
+        filter: filter.to_string(),
+    })
+}
+
+/// `points` or `triangles`.
+fn what_leaves_are(model: &Model) -> &'static str {
+    if model.triangles.is_empty() {
+        "points"
+    } else {
+        "triangles"
+    }
+}
+
+impl OpenedModel {
+    /// The part of the model that a filter keeps, with a remark on how much that is.
+    ///
+    /// # Errors
+    /// [`input::Error::UnknownField`], [`input::Error::NothingKept`]; a paged file that is not in memory; cancelled.
+    pub fn kept(mut self, filter: &PointFilter, progress: &dyn Progress) -> Result<Self, Error> {
+        let mask = kept_leaves(&self.model, &self.attributes, filter, &self.name)?;
+        let what = what_leaves_are(&self.model);
+        self.model = self.model.kept(&mask, progress)?;
+        for column in &mut self.attributes.columns {
+            column.values.retain(|index| mask.get(index) == Some(&true));
+        }
+        self.warnings.push(Warning::PartKept {
+            kept: self.model.tree.leaves.len() as u64,
+            count: mask.len() as u64,
+            what,
+            filter: filter.to_string(),
+        });
+        Ok(self)
+    }
+}
