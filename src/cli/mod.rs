@@ -17,6 +17,7 @@ mod generate;
 mod info;
 mod light;
 mod look;
+mod man;
 mod motion;
 mod patches;
 mod photo_args;
@@ -229,6 +230,8 @@ enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+    /// Print a manual page, or write all of them into a folder
+    Man(man::Args),
 }
 
 /// Parses the arguments. Those of the window do not go with a command; those of every command may stand before it
@@ -311,6 +314,7 @@ pub(crate) fn main() -> ExitCode {
             clap_complete::generate(shell, &mut Cli::command(), "surfel", &mut script);
             print(&String::from_utf8_lossy(&script))
         }
+        Some(Command::Man(args)) => man::run(&args, Cli::command()),
         #[cfg(feature = "viewer")]
         None => view::run(cli.view, quiet),
         #[cfg(not(feature = "viewer"))]

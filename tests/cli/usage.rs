@@ -21,6 +21,7 @@ const COMMANDS: &[&str] = &[
     "devices",
     "demo",
     "completions",
+    "man",
 ];
 
 #[test]
