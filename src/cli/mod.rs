@@ -27,6 +27,8 @@ mod progress;
 mod render;
 mod reproduce;
 mod scenes;
+#[cfg(feature = "viewer")]
+mod soak;
 mod source;
 mod stability;
 mod stats;
@@ -232,6 +234,10 @@ enum Command {
     },
     /// Print a manual page, or write all of them into a folder
     Man(man::Args),
+    /// Give the window random input for some minutes, and watch memory and messages
+    #[cfg(feature = "viewer")]
+    #[command(hide = true)]
+    Soak(soak::Args),
 }
 
 /// Parses the arguments. Those of the window do not go with a command; those of every command may stand before it
@@ -315,6 +321,8 @@ pub(crate) fn main() -> ExitCode {
             print(&String::from_utf8_lossy(&script))
         }
         Some(Command::Man(args)) => man::run(&args, Cli::command()),
+        #[cfg(feature = "viewer")]
+        Some(Command::Soak(args)) => soak::run(&args, quiet),
         #[cfg(feature = "viewer")]
         None => view::run(cli.view, quiet),
         #[cfg(not(feature = "viewer"))]

@@ -244,5 +244,6 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
             memory: args.exhaust_memory_every,
         },
     };
-    Ok(viewer::run(options, &is_interrupted)?)
+    viewer::run(options, &is_interrupted)?;
+    Ok(())
 }
