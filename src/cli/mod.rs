@@ -29,6 +29,8 @@ mod reproduce;
 mod scenes;
 #[cfg(feature = "viewer")]
 mod soak;
+#[cfg(feature = "viewer")]
+mod soak_input;
 mod source;
 mod stability;
 mod stats;

@@ -3,11 +3,9 @@
 //! A run is a row of sessions. Each opens a device and the window (or its replay without one), plays a recording made from
 //! the seed, and closes all of it. Memory is measured between sessions, where nothing is open.
 
-mod input;
-
 use super::progress::is_interrupted;
+use super::soak_input::{SeededNumbers, session};
 use super::{Failure, Outcome, bytes, print, usage};
-use input::{SeededNumbers, session};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use surfel::gpu::{self, DeviceOptions};
@@ -69,7 +67,7 @@ struct MinuteFigures {
 }
 
 impl MinuteFigures {
-    fn add(&mut self, figures: RunFigures, resident: u64) {
+    fn add(&mut self, figures: &RunFigures, resident: u64) {
         self.sessions += 1;
         self.frames += figures.frames;
         self.longest_ms = self.longest_ms.max(figures.longest_ms);
@@ -267,7 +265,7 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
                 "session"
             );
         }
-        now.add(figures, resident_bytes().unwrap_or(0));
+        now.add(&figures, resident_bytes().unwrap_or(0));
         let elapsed = start.elapsed();
         let is_over = args.session.is_some()
             || is_interrupted()

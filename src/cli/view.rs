@@ -6,7 +6,7 @@ use super::photo_args::PhotoArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
 use super::source::{ColorArgs, Framing, PageArgs, SurfaceArgs, open_options};
-use super::{Failure, Outcome, usage};
+use super::{Failure, Outcome, print, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use surfel::render::paged_model::PagedModelOptions;
@@ -244,6 +244,8 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
             memory: args.exhaust_memory_every,
         },
     };
-    viewer::run(options, &is_interrupted)?;
-    Ok(())
+    match viewer::run(options, &is_interrupted)?.pace {
+        Some(summary) => print(&format!("{summary}\n")),
+        None => Ok(()),
+    }
 }

@@ -40,6 +40,7 @@ use crate::render::window_renderer::WindowBackend;
 use app::ViewerApp;
 use glfw::{ClientApiHint, WindowHint};
 use loader::{LoadError, ModelLoader};
+use pace::PaceSummary;
 use record::{EventRecorder, RecordEntry};
 pub use screen::InjectedFaults;
 use screen::WindowScreen;
@@ -173,12 +174,14 @@ pub struct ViewerOptions {
 }
 
 /// Frames of a run, for those who watch it.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct RunFigures {
     /// Frames of a model that were drawn.
     pub frames: u64,
     /// Longest time that a replay took to draw one and hand it on, milliseconds; 0 without a replay.
     pub longest_ms: f64,
+    /// How many frames of a replay kept the time they were held to; `None` without one of either.
+    pub pace: Option<PaceSummary>,
 }
 
 /// Opens the window and returns when it is closed. Models are opened on another thread; `should_stop` is asked now and

@@ -6,7 +6,6 @@ use super::loader::{LoadError, Loaded, ModelLoader};
 use super::record::RecordEntry;
 use super::window::ViewerWindow;
 use super::{Error, ViewerOptions};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -139,10 +138,6 @@ pub(super) fn run(
     }
     app.finish(window.as_ref().map(|(window, _)| &*window.window))?;
     let _ = app.finished();
-    if let Some(summary) = app.pace() {
-        // Nobody may be reading.
-        let _ = writeln!(std::io::stdout(), "{summary}");
-    }
     Ok(())
 }
 

@@ -235,6 +235,7 @@ impl ViewerApp {
         RunFigures {
             frames: self.frames,
             longest_ms: self.longest_draw.as_secs_f64() * 1e3,
+            pace: self.pace().filter(|_| self.options.replay.is_some()),
         }
     }
 

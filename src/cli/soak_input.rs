@@ -6,11 +6,11 @@ use surfel::viewer::record::RecordEntry;
 
 /// Random numbers by SplitMix64 (Steele, Lea and Flood, 2014): the same on every machine.
 #[derive(Debug, Clone)]
-pub(super) struct SeededNumbers(u64);
+pub(crate) struct SeededNumbers(u64);
 
 impl SeededNumbers {
     /// Those of a session of a run.
-    pub(super) fn of(seed: u64, session: u64) -> Self {
+    pub(crate) fn of(seed: u64, session: u64) -> Self {
         let mut numbers = Self(seed ^ session.wrapping_mul(0xd129_0ddf_53c4_3e49));
         numbers.next();
         numbers
@@ -25,17 +25,17 @@ impl SeededNumbers {
     }
 
     /// A number below `count`, which is above 0.
-    pub(super) fn below(&mut self, count: u64) -> u64 {
+    pub(crate) fn below(&mut self, count: u64) -> u64 {
         self.next() % count
     }
 
     /// True once in `times`.
-    pub(super) fn once_in(&mut self, times: u64) -> bool {
+    pub(crate) fn once_in(&mut self, times: u64) -> bool {
         self.below(times) == 0
     }
 
     /// One of `items`, which are not empty.
-    pub(super) fn one<T: Clone>(&mut self, items: &[T]) -> T {
+    pub(crate) fn one<T: Clone>(&mut self, items: &[T]) -> T {
         items[self.below(items.len() as u64) as usize].clone()
     }
 }
@@ -197,7 +197,7 @@ impl SessionWriter<'_> {
 }
 
 /// The input of a session of so many acts, which begins with `first` and may drop any of `files`.
-pub(super) fn session(
+pub(crate) fn session(
     numbers: &mut SeededNumbers,
     first: PathBuf,
     files: &[PathBuf],
