@@ -19,7 +19,7 @@ const EXAMPLES: &str = "\
 Examples:
   surfel soak --minutes 10
   surfel soak --minutes 60 --seed 7 castle.ply castle/scene.mvs
-  surfel soak --seed 7 --session 12                  that session again
+  surfel soak --seed 7 --session 12 --minutes 1      that session again
   xvfb-run -a surfel soak --window --minutes 10      in a real window";
 
 /// Give the window random input for some minutes: loads, files good and bad, turns, sizes, methods, splats, backends,
@@ -36,7 +36,7 @@ pub(crate) struct Args {
     /// What the input is made from
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     seed: u64,
-    /// Play this session alone
+    /// Play this session alone, again and again
     #[arg(long, value_name = "NUMBER")]
     session: Option<u64>,
     /// Keep the recordings of the sessions in this folder (surfel --replay plays them)
@@ -236,7 +236,8 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
     let mut minutes: Vec<MinuteFigures> = Vec::new();
     let mut now = MinuteFigures::default();
     print("minute  sessions   frames  longest ms    resident\n")?;
-    for number in args.session.unwrap_or(0).. {
+    for count in 0.. {
+        let number = args.session.unwrap_or(count);
         let made = std::fs::create_dir_all(&pictures);
         made.and_then(|()| std::env::set_current_dir(&pictures))
             .map_err(|e| Failure::Run(e.into()))?;
@@ -267,9 +268,7 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
         }
         now.add(&figures, resident_bytes().unwrap_or(0));
         let elapsed = start.elapsed();
-        let is_over = args.session.is_some()
-            || is_interrupted()
-            || elapsed >= Duration::from_secs_f64(args.minutes * 60.0);
+        let is_over = is_interrupted() || elapsed >= Duration::from_secs_f64(args.minutes * 60.0);
         if is_over || elapsed.as_secs() / 60 > minutes.len() as u64 {
             print(&row(minutes.len() + 1, &now))?;
             minutes.push(std::mem::take(&mut now));

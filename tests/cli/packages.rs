@@ -157,3 +157,60 @@ fn icons_are_those_of_the_drawing() {
         assert!(far * 100 < kept.data().len(), "{side}: {far} bytes differ");
     }
 }
+
+/// Version in a `Cargo.toml`.
+fn version_in(file: &str) -> String {
+    let text = read(file);
+    let line = text.lines().find_map(|l| l.strip_prefix("version = "));
+    line.unwrap_or_else(|| panic!("{file} has no version"))
+        .trim_matches('"')
+        .to_owned()
+}
+
+#[test]
+fn versions_of_program_and_package_agree() {
+    let version = env!("CARGO_PKG_VERSION");
+    assert_eq!(version_in("Cargo.toml"), version);
+    assert_eq!(version_in("python/Cargo.toml"), version);
+    let locked = format!("name = \"surfel\"\nversion = \"{version}\"\n");
+    assert!(read("python/Cargo.lock").contains(&locked), "{locked}");
+    assert!(read("CHANGELOG.md").contains(version));
+    let folder = tempfile::tempdir().unwrap();
+    let told = expect(folder.path(), 0, "-V").text();
+    assert_eq!(told, format!("surfel {version}\n"));
+}
+
+#[test]
+fn options_of_the_python_package_are_those_of_render() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = expect(folder.path(), 0, "render --help").text();
+    let stub = read("python/package/surfel/__init__.pyi");
+    let rules = read("python/src/look.rs");
+    let (_, look) = stub.split_once("class Look(").unwrap();
+    let (look, _) = look.split_once("class Statistics(").unwrap();
+    let mut options = 0;
+    for line in look
+        .lines()
+        .filter(|l| l.starts_with("    ") && l.contains(": "))
+    {
+        let (name, _) = line.trim().split_once(": ").unwrap();
+        // `colors=False` is `--no-colors`.
+        let option = match name {
+            "colors" => "--no-colors".to_owned(),
+            name => format!("--{}", name.replace('_', "-")),
+        };
+        assert!(help.contains(&option), "{option}");
+        assert!(rules.contains(&format!("\"{name}\" =>")), "{name}");
+        options += 1;
+    }
+    assert!(options > 15, "{options}");
+    let words = look
+        .split('"')
+        .skip(1)
+        .step_by(2)
+        .filter(|w| !w.contains('`'));
+    for word in words.filter(|w| !w.is_empty() && !w.contains(char::is_whitespace)) {
+        assert!(help.contains(word), "{word}");
+        assert!(rules.contains(&format!("\"{word}\"")), "{word}");
+    }
+}
