@@ -2,6 +2,9 @@
 //!
 //! A run is a row of sessions. Each opens a device and the window (or its replay without one), plays a recording made from
 //! the seed, and closes all of it. Memory is measured between sessions, where nothing is open.
+//!
+//! The C library of Linux keeps freed memory for later, more and more of it in programs of many threads. `MALLOC_ARENA_MAX`
+//! and `MALLOC_MMAP_THRESHOLD_` make it give that back, so that what is left is what the program holds (docs/TRUST.md).
 
 use super::progress::is_interrupted;
 use super::soak_input::{SeededNumbers, session};
