@@ -62,15 +62,26 @@ impl PyCamera {
             return Err(wrong("eye and target are the same point"));
         }
         if !(fov > 0.0 && fov < 180.0) {
-            return Err(wrong(format!("fov {fov}: must be above 0 and below 180 degrees")));
+            return Err(wrong(format!(
+                "fov {fov}: must be above 0 and below 180 degrees"
+            )));
         }
         let near = near.unwrap_or(distance * 0.01);
         let far = far.unwrap_or(distance * 100.0);
         if !(near > 0.0 && near < far && far.is_finite()) {
-            return Err(wrong(format!("near {near} and far {far}: 0 < near < far is needed")));
+            return Err(wrong(format!(
+                "near {near} and far {far}: 0 < near < far is needed"
+            )));
         }
         let size = checked_size(size)?;
-        Self::checked(Camera::look_at(size, eye, target, up, fov.to_radians(), (near, far)))
+        Self::checked(Camera::look_at(
+            size,
+            eye,
+            target,
+            up,
+            fov.to_radians(),
+            (near, far),
+        ))
     }
 
     /// Reads a camera file, as `surfel render --save-camera` writes it.
@@ -102,7 +113,11 @@ impl PyCamera {
                 own.0, own.1
             )));
         }
-        let camera = Camera { width, height, ..self.camera.clone() };
+        let camera = Camera {
+            width,
+            height,
+            ..self.camera.clone()
+        };
         Ok(Self { camera })
     }
 

@@ -35,7 +35,10 @@ fn read(given: &Bound<'_, PyAny>) -> PyResult<GivenPicture> {
         wrong("a picture is a surfel.Picture, an array (height, width, 3 or 4) of uint8 or float32, or a file")
     })?;
     let image = FloatImage::load(&path).map_err(raise)?;
-    Ok(GivenPicture { image, has_coverage: false })
+    Ok(GivenPicture {
+        image,
+        has_coverage: false,
+    })
 }
 
 fn of_array<T: numpy::Element + Copy>(

@@ -5,9 +5,24 @@ use pyo3::{PyErr, create_exception};
 use std::error::Error as StdError;
 use std::io;
 
-create_exception!(surfel, Error, PyException, "Anything that surfel refuses or that fails.");
-create_exception!(surfel, InputError, Error, "A file, a value or an option is wrong.");
-create_exception!(surfel, DeviceError, Error, "The device or the system failed.");
+create_exception!(
+    surfel,
+    Error,
+    PyException,
+    "Anything that surfel refuses or that fails."
+);
+create_exception!(
+    surfel,
+    InputError,
+    Error,
+    "A file, a value or an option is wrong."
+);
+create_exception!(
+    surfel,
+    DeviceError,
+    Error,
+    "The device or the system failed."
+);
 
 /// An error of values that were given.
 pub(crate) fn wrong(text: impl Into<String>) -> PyErr {
@@ -29,7 +44,9 @@ pub(crate) fn raise(error: impl Into<surfel::Error>) -> PyErr {
     match &error {
         E::Gpu(G::UnknownDevice { .. } | G::Limit { .. } | G::Unsupported { .. }) => wrong(text),
         E::Gpu(_) | E::Profile(_) | E::Bench(_) => DeviceError::new_err(text),
-        E::Image(surfel::image::Error::Read { .. } | surfel::image::Error::Size { .. }) => wrong(text),
+        E::Image(surfel::image::Error::Read { .. } | surfel::image::Error::Size { .. }) => {
+            wrong(text)
+        }
         E::Image(_) => DeviceError::new_err(text),
         _ => wrong(text),
     }

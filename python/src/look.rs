@@ -95,7 +95,9 @@ fn number(option: &str, value: &Bound<'_, PyAny>, low: f32, high: f32) -> PyResu
     if (low..=high).contains(&given) {
         Ok(given)
     } else {
-        Err(wrong(format!("{option} {given}: a number from {low} to {high}")))
+        Err(wrong(format!(
+            "{option} {given}: a number from {low} to {high}"
+        )))
     }
 }
 
@@ -170,5 +172,8 @@ pub(crate) fn settings(given: Option<&Bound<'_, PyDict>>) -> PyResult<PictureLoo
             }
         }
     }
-    Ok(PictureLook { settings: s, has_threshold })
+    Ok(PictureLook {
+        settings: s,
+        has_threshold,
+    })
 }

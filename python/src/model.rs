@@ -85,7 +85,7 @@ pub(crate) fn open(
                 name => PointColoring::Attribute(name.to_owned()),
             },
             range: match range {
-                Some((low, high)) if !(low < high) => {
+                Some((low, high)) if !low.is_finite() || !high.is_finite() || low >= high => {
                     return Err(wrong("color_range: two numbers, the smaller first"));
                 }
                 range => range.map(|(low, high)| [low, high]),
@@ -99,8 +99,12 @@ pub(crate) fn open(
         looked_ms: AtomicU64::new(0),
         is_interrupted: AtomicBool::new(false),
     };
-    let opened = py.detach(|| surfel::open(&path, &options, &progress)).map_err(raise)?;
-    Ok(PyModel { opened: Arc::new(opened) })
+    let opened = py
+        .detach(|| surfel::open(&path, &options, &progress))
+        .map_err(raise)?;
+    Ok(PyModel {
+        opened: Arc::new(opened),
+    })
 }
 
 /// The axis of a name; of "auto" the one that the model has.
@@ -136,7 +140,13 @@ impl PyModel {
         let sphere = self.opened.model.orbit_sphere();
         let up = axis(up, &self.opened)?;
         let angles = (azimuth.to_radians(), elevation.to_radians(), fill);
-        Ok(Camera::orbit_about(up, size, sphere.center, sphere.radius, angles))
+        Ok(Camera::orbit_about(
+            up,
+            size,
+            sphere.center,
+            sphere.radius,
+            angles,
+        ))
     }
 }
 
@@ -224,7 +234,11 @@ impl PyModel {
     /// What was repaired or left out, a sentence each.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.opened.warnings.iter().map(ToString::to_string).collect()
+        self.opened
+            .warnings
+            .iter()
+            .map(ToString::to_string)
+            .collect()
     }
 
     /// Memory of model and tree in bytes.
@@ -275,8 +289,13 @@ impl PyModel {
             None => self.orbit_camera((30.0, 20.0, 1.0), "auto", (500, 500))?,
         };
         let size = (camera.width, camera.height);
-        let renderer =
-            PyRenderer::of(py, self, size, (depth, normals), (backend, device, validate))?;
+        let renderer = PyRenderer::of(
+            py,
+            self,
+            size,
+            (depth, normals),
+            (backend, device, validate),
+        )?;
         renderer.draw(py, &camera, samples, look)
     }
 

@@ -22,7 +22,11 @@ impl PyPicture {
     /// A picture of one sample a pixel.
     pub(crate) fn single(image: Image, times: &FrameTimes) -> Self {
         let times = times.clone();
-        Self { image, mean: None, times }
+        Self {
+            image,
+            mean: None,
+            times,
+        }
     }
 
     /// A mean of several.
@@ -146,6 +150,9 @@ impl PyPicture {
     }
 
     fn __repr__(&self) -> String {
-        format!("<surfel.Picture {} x {}>", self.image.width, self.image.height)
+        format!(
+            "<surfel.Picture {} x {}>",
+            self.image.width, self.image.height
+        )
     }
 }

@@ -36,9 +36,7 @@ pub(crate) struct PyRenderer {
 fn open_backend(name: &str, options: &DeviceOptions) -> PyResult<Backend> {
     let is_named = options.device.is_some();
     match name {
-        "cpu" | "reference" if is_named => {
-            Err(wrong("backend cpu and reference have no device"))
-        }
+        "cpu" | "reference" if is_named => Err(wrong("backend cpu and reference have no device")),
         "cpu" => Ok(Backend::Cpu),
         "reference" => Ok(Backend::Mirror),
         "vulkan" => Ok(Backend::Vulkan(Gpu::open(options).map_err(raise)?)),
@@ -115,7 +113,9 @@ impl PyRenderer {
         let mut look = look::settings(look)?;
         let side = side_of(samples)?;
         if side > 1 && (self.outputs.depth || self.outputs.normal) {
-            return Err(wrong("depth and normals are those of one sample at the pixel's middle"));
+            return Err(wrong(
+                "depth and normals are those of one sample at the pixel's middle",
+            ));
         }
         if (camera.width, camera.height) != self.size {
             return Err(wrong(format!(
@@ -178,7 +178,13 @@ impl PyRenderer {
         device: Option<Bound<'_, PyAny>>,
         validate: bool,
     ) -> PyResult<Self> {
-        Self::of(py, model, size, (depth, normals), (backend, device, validate))
+        Self::of(
+            py,
+            model,
+            size,
+            (depth, normals),
+            (backend, device, validate),
+        )
     }
 
     /// Draws one picture with a camera of the renderer's size.
