@@ -52,13 +52,13 @@ if [ "${SURFEL_NO_CHROOT:-}" != 1 ] && [ "$(id -u)" = 0 ] && has debootstrap; th
     debootstrap --variant=minbase "${SURFEL_DEBIAN:-bookworm}" "$root" \
         "${SURFEL_MIRROR:-http://deb.debian.org/debian}" >"$base/debootstrap.log" ||
         fail "no Debian: see $base/debootstrap.log"
-    cp "$deb" "$root/root/"
+    cp "$deb" "$root/"
     inside() { chroot "$root" /usr/bin/env -i PATH=/usr/bin:/bin:/usr/sbin:/sbin HOME=/root LC_ALL=C.UTF-8 "$@"; }
     get() {
         inside apt-get -o Debug::NoLocking=1 install -y --no-install-recommends "$@" >>"$base/apt.log" 2>&1 ||
             fail "apt-get does not install $*: see $base/apt.log"
     }
-    get "/root/$(basename "$deb")"
+    get "/$(basename "$deb")"
     say "installed on a bare Debian ${SURFEL_DEBIAN:-bookworm}, with $(inside dpkg-query -W | wc -l) packages in all"
     at=
 else
@@ -114,12 +114,12 @@ for check in "desktop-file-validate $at/usr/share/applications/surfel.desktop" \
     fi
 done
 if [ -z "$at" ]; then
-    cp -r tests/fuzz/corpus "$root/root/corpus"
+    cp -r tests/fuzz/corpus "$root/corpus"
     for pair in ply/little.ply=model/x-ply obj/faces.obj=model/obj las/plain.las=application/vnd.las \
         e57/two.e57=model/e57 pcd/binary.pcd=model/x-pcd qsplat/sphere.qs=model/x-qsplat \
         gltf/scene.glb=model/gltf-binary tree/sphere.surfel=model/x-surfel; do
         get libglib2.0-bin
-        told=$(inside gio info -a standard::content-type "/root/corpus/${pair%%=*}" | sed -n 's/.*content-type: //p')
+        told=$(inside gio info -a standard::content-type "/corpus/${pair%%=*}" | sed -n 's/.*content-type: //p')
         [ "$told" = "${pair#*=}" ] || fail "${pair%%=*} is $told, not ${pair#*=}"
     done
     say "types of files are told by the desktop's own library"
