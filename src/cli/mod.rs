@@ -18,6 +18,7 @@ mod generate;
 mod info;
 mod light;
 mod look;
+mod man;
 mod motion;
 mod patches;
 mod photo_args;
@@ -27,6 +28,10 @@ mod progress;
 mod render;
 mod reproduce;
 mod scenes;
+#[cfg(feature = "viewer")]
+mod soak;
+#[cfg(feature = "viewer")]
+mod soak_input;
 mod source;
 mod stability;
 mod stats;
@@ -232,6 +237,12 @@ enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+    /// Print a manual page, or write all of them into a folder
+    Man(man::Args),
+    /// Give the window random input for some minutes, and watch memory and messages
+    #[cfg(feature = "viewer")]
+    #[command(hide = true)]
+    Soak(soak::Args),
 }
 
 /// Parses the arguments. Those of the window do not go with a command; those of every command may stand before it
@@ -315,6 +326,9 @@ pub(crate) fn main() -> ExitCode {
             clap_complete::generate(shell, &mut Cli::command(), "surfel", &mut script);
             print(&String::from_utf8_lossy(&script))
         }
+        Some(Command::Man(args)) => man::run(&args, Cli::command()),
+        #[cfg(feature = "viewer")]
+        Some(Command::Soak(args)) => soak::run(&args, quiet),
         #[cfg(feature = "viewer")]
         None => view::run(cli.view, quiet),
         #[cfg(not(feature = "viewer"))]

@@ -6,7 +6,7 @@ use super::photo_args::PhotoArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
 use super::source::{ColorArgs, Framing, KeepArgs, PageArgs, SurfaceArgs, open_options};
-use super::{Failure, Outcome, usage};
+use super::{Failure, Outcome, print, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use surfel::render::paged_model::PagedModelOptions;
@@ -247,5 +247,8 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
             memory: args.exhaust_memory_every,
         },
     };
-    Ok(viewer::run(options, &is_interrupted)?)
+    match viewer::run(options, &is_interrupted)?.pace {
+        Some(summary) => print(&format!("{summary}\n")),
+        None => Ok(()),
+    }
 }

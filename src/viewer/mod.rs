@@ -42,6 +42,7 @@ use crate::render::window_renderer::WindowBackend;
 use app::ViewerApp;
 use glfw::{ClientApiHint, WindowHint};
 use loader::{LoadError, ModelLoader};
+use pace::PaceSummary;
 use record::{EventRecorder, RecordEntry};
 pub use screen::InjectedFaults;
 use screen::WindowScreen;
@@ -174,6 +175,17 @@ pub struct ViewerOptions {
     pub faults: InjectedFaults,
 }
 
+/// Frames of a run, for those who watch it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RunFigures {
+    /// Frames of a model that were drawn.
+    pub frames: u64,
+    /// Longest time that a replay took to draw one and hand it on, milliseconds; 0 without a replay.
+    pub longest_ms: f64,
+    /// How many frames of a replay kept the time they were held to; `None` without one of either.
+    pub pace: Option<PaceSummary>,
+}
+
 /// Opens the window and returns when it is closed. Models are opened on another thread; `should_stop` is asked now and
 /// then (Ctrl-C). Must be called on the main thread.
 ///
@@ -183,7 +195,7 @@ pub struct ViewerOptions {
 /// # Errors
 /// When there is no window or device, the device is lost and cannot be opened again, or a file that was asked for
 /// cannot be read or written.
-pub fn run(options: ViewerOptions, should_stop: &dyn Fn() -> bool) -> Result<(), Error> {
+pub fn run(options: ViewerOptions, should_stop: &dyn Fn() -> bool) -> Result<RunFigures, Error> {
     let mut loader = ModelLoader::new(options.opening.clone(), options.paged);
     let outcome = if options.headless {
         replay_headless(options, &mut loader, should_stop)
@@ -192,9 +204,10 @@ pub fn run(options: ViewerOptions, should_stop: &dyn Fn() -> bool) -> Result<(),
     };
     // The window is gone by now; whatever still loads stops.
     loader.stop();
-    let all: Vec<_> = outcome?.iter().flat_map(LayerMessages::list).collect();
+    let (messages, figures) = outcome?;
+    let all: Vec<_> = messages.iter().flat_map(LayerMessages::list).collect();
     match all.as_slice() {
-        [] => Ok(()),
+        [] => Ok(figures),
         [first, ..] => Err(Error::Validation {
             count: all.len(),
             first: format!("{}: {}", first.id, first.text),
@@ -211,7 +224,7 @@ fn replay_headless(
     options: ViewerOptions,
     loader: &mut ModelLoader,
     should_stop: &dyn Fn() -> bool,
-) -> Result<Vec<LayerMessages>, Error> {
+) -> Result<(Vec<LayerMessages>, RunFigures), Error> {
     let entries = replayed(&options)?.unwrap_or_default();
     let gpu = Gpu::open(&options.gpu)?;
     let mut screen = WindowScreen::new(&gpu, None, options.vsync, options.backend)?;
@@ -224,14 +237,14 @@ fn replay_headless(
     app.size = size;
     app.lay_out();
     replay::run(&mut app, &entries, loader, None, should_stop)?;
-    Ok(app.messages.clone())
+    Ok((app.messages.clone(), app.figures()))
 }
 
 fn show(
     mut options: ViewerOptions,
     loader: &mut ModelLoader,
     should_stop: &dyn Fn() -> bool,
-) -> Result<Vec<LayerMessages>, Error> {
+) -> Result<(Vec<LayerMessages>, RunFigures), Error> {
     let entries = replayed(&options)?;
     if let Some(entries) = &entries {
         options.size = replay::first_size(entries, &options);
@@ -295,7 +308,7 @@ fn show(
         }
     }
     keep(&app, &window);
-    Ok(app.messages.clone())
+    Ok((app.messages.clone(), app.figures()))
 }
 
 /// Writes how the window was left.

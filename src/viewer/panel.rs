@@ -94,6 +94,8 @@ pub enum PanelWish {
 /// Shows the panel at the left edge, `height` points high.
 pub fn show(context: &egui::Context, state: &PanelState<'_>, height: f32) -> Vec<PanelWish> {
     let mut wishes = Vec::new();
+    // A window may be lower than the margins.
+    let inside = (height - 20.0).max(0.0);
     Area::new("panel".into())
         .fixed_pos(pos2(0.0, 0.0))
         .movable(false)
@@ -103,9 +105,9 @@ pub fn show(context: &egui::Context, state: &PanelState<'_>, height: f32) -> Vec
                 .inner_margin(10)
                 .show(ui, |ui| {
                     ui.set_width(WIDTH - 20.0);
-                    ui.set_min_height(height - 20.0);
+                    ui.set_min_height(inside);
                     ScrollArea::vertical()
-                        .max_height(height - 20.0)
+                        .max_height(inside)
                         .auto_shrink([false, true])
                         .show(ui, |ui| contents(ui, state, &mut wishes));
                 });

@@ -6,9 +6,8 @@ use super::loader::{LoadError, Loaded, ModelLoader};
 use super::record::RecordEntry;
 use super::window::ViewerWindow;
 use super::{Error, ViewerOptions};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Waits for a model that is being loaded, or for its preview; previews that nobody waits for are passed over.
 fn load(
@@ -111,6 +110,7 @@ pub(super) fn run(
         let frames = app.frames;
         let is_drawn = app.is_dirty();
         if app.is_dirty() {
+            let start = Instant::now();
             while !app.draw(window)? {
                 // The window gives no image for now.
                 if should_stop() {
@@ -118,6 +118,7 @@ pub(super) fn run(
                 }
                 std::thread::sleep(Duration::from_millis(10));
             }
+            app.longest_draw = app.longest_draw.max(start.elapsed());
         }
         if let Some(folder) = &pictures {
             let path = folder.join(format!("step-{step:06}.png"));
@@ -137,10 +138,6 @@ pub(super) fn run(
     }
     app.finish(window.as_ref().map(|(window, _)| &*window.window))?;
     let _ = app.finished();
-    if let Some(summary) = app.pace() {
-        // Nobody may be reading.
-        let _ = writeln!(std::io::stdout(), "{summary}");
-    }
     Ok(())
 }
 

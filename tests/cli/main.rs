@@ -15,6 +15,7 @@ mod harness;
 mod lost;
 mod models;
 mod motion;
+mod packages;
 mod pictures;
 mod profile;
 mod reproduce;

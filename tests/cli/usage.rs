@@ -2,7 +2,7 @@
 
 use super::harness::{command, expect, names, run_with, surfel};
 
-const COMMANDS: &[&str] = &[
+pub(crate) const COMMANDS: &[&str] = &[
     "render",
     "build",
     "export",
@@ -22,6 +22,7 @@ const COMMANDS: &[&str] = &[
     "devices",
     "demo",
     "completions",
+    "man",
 ];
 
 #[test]

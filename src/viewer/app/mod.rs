@@ -21,7 +21,7 @@ use super::pace::PacedFrame;
 use super::panel::PanelFacts;
 use super::screen::WindowScreen;
 use super::ui::PanelInterface;
-use super::{Error, ViewerOptions, text};
+use super::{Error, RunFigures, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
 use crate::math::camera::{Camera, Light};
 use crate::math::up_axis::UpAxis;
@@ -34,7 +34,7 @@ use glam::DVec2;
 use photographs::ModelPhotographs;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What the app asks of the window around it.
 #[derive(Debug, Clone, PartialEq)]
@@ -152,6 +152,8 @@ pub(super) struct ViewerApp {
     laid_inset: u32,
     /// Frames of a model so far.
     pub(super) frames: u64,
+    /// Longest time that a replay took for one.
+    pub(super) longest_draw: Duration,
     pub(super) asks: Vec<FileAsk>,
     photographs: ModelPhotographs,
     measuring: MeasureTool,
@@ -227,11 +229,21 @@ impl ViewerApp {
             size: (1, 1),
             laid_inset: 0,
             frames: 0,
+            longest_draw: Duration::ZERO,
             asks: Vec::new(),
             photographs: ModelPhotographs::default(),
             measuring: MeasureTool::default(),
             attributes: Vec::new(),
             options,
+        }
+    }
+
+    /// Figures of the run so far.
+    pub(super) fn figures(&self) -> RunFigures {
+        RunFigures {
+            frames: self.frames,
+            longest_ms: self.longest_draw.as_secs_f64() * 1e3,
+            pace: self.pace().filter(|_| self.options.replay.is_some()),
         }
     }
 

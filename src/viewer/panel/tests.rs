@@ -538,3 +538,27 @@ fn the_colors_of_overdraw_have_a_legend() {
     let shown = texts(ColorBy::Depth, None);
     assert!(!shown.iter().any(|t| t == " 8 "));
 }
+
+#[test]
+fn a_window_lower_than_the_margins_of_the_panel_has_one() {
+    let settings = Settings::default();
+    let facts = PanelFacts {
+        name: "ball.ply".into(),
+        triangles: 20,
+        vertices: 12,
+        nodes: 30,
+        bytes: 1000,
+        is_closed: true,
+    };
+    let context = egui::Context::default();
+    for height in [1.0, 8.0, 20.0, 21.0] {
+        let input = RawInput {
+            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, vec2(300.0, height))),
+            ..RawInput::default()
+        };
+        let mut output = context.run_ui(input, |ui| {
+            show(ui.ctx(), &state(&settings, &facts), height);
+        });
+        output.textures_delta.clear();
+    }
+}

@@ -1,0 +1,219 @@
+from os import PathLike
+from typing import Literal, TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+__version__: str
+
+Vector = tuple[float, float, float]
+Size = tuple[int, int]
+Backend = Literal["auto", "vulkan", "cpu", "reference"]
+
+class Error(Exception):
+    """Anything that surfel refuses or that fails. A file that is not there is FileNotFoundError."""
+
+class InputError(Error):
+    """A file, a value or an option is wrong."""
+
+class DeviceError(Error):
+    """The device or the system failed."""
+
+class Look(TypedDict, total=False):
+    """Options of a picture, as `surfel render` has them."""
+
+    method: Literal["triangles", "points", "splats", "pop"]
+    splat: Literal["square", "disc", "ellipse", "gauss", "visibility", "filtered"]
+    threshold: float
+    blend: Literal["opaque", "two-pass", "depth-threshold", "depth-range"]
+    shading: Literal["per-splat", "deferred"]
+    reconstruct: Literal["gaussian", "density", "pull-push"]
+    path: Literal["auto", "raster", "compute"]
+    occlusion: Literal["auto", "on", "off"]
+    culling: Literal["auto", "on", "off"]
+    eye_dome: Literal["auto", "on", "off"]
+    eye_dome_strength: float
+    color_by: Literal[
+        "shading", "primitive", "classification", "level", "normal", "depth", "overdraw"
+    ]
+    size_metric: Literal["exact", "center", "nearest", "angle", "area"]
+    depth_offset: float
+    background: tuple[int, int, int]
+    light_at: tuple[float, float]
+    one_sided: bool
+    colors: bool
+
+class Statistics(TypedDict):
+    """Counts of the cut and what was drawn; times in milliseconds."""
+
+    nodes_visited: int
+    hidden: int
+    between: int
+    splats: int
+    triangles: int
+    points: int
+    draw_list_bytes: int
+    frame_ms: float
+    cut_ms: float
+    pack_ms: float
+
+class Comparison(TypedDict, total=False):
+    """Differences of two pictures. The keys from object_psnr on are there where both have coverage."""
+
+    flip: float
+    psnr: float
+    ssim: float
+    max_level: float
+    mean_level: float
+    pixels_past_a_level: int
+    object_psnr: float
+    object_pixels: int
+    missing: int
+    extra: int
+    hole_pixels: int
+    silhouette_iou: float
+    flip_map: NDArray[np.float32]
+
+class Camera:
+    """A camera: the size of its picture and where it looks, in the coordinates of the file."""
+
+    @staticmethod
+    def look_at(
+        eye: Vector,
+        target: Vector,
+        *,
+        up: Vector = (0.0, 1.0, 0.0),
+        fov: float = 45.0,
+        near: float | None = None,
+        far: float | None = None,
+        size: Size = (500, 500),
+    ) -> Camera: ...
+    @staticmethod
+    def read(path: str | PathLike[str]) -> Camera: ...
+    @staticmethod
+    def from_json(text: str) -> Camera: ...
+    def to_json(self) -> str: ...
+    def resized(self, size: Size) -> Camera: ...
+    @property
+    def size(self) -> Size: ...
+    @property
+    def view(self) -> NDArray[np.float64]: ...
+    @property
+    def projection(self) -> NDArray[np.float64]: ...
+    @property
+    def eye(self) -> Vector: ...
+
+class Picture:
+    """A picture, row 0 on top."""
+
+    @property
+    def color(self) -> NDArray[np.uint8]: ...
+    @property
+    def values(self) -> NDArray[np.float32]: ...
+    @property
+    def coverage(self) -> NDArray[np.float32]: ...
+    @property
+    def depth(self) -> NDArray[np.float32] | None: ...
+    @property
+    def normals(self) -> NDArray[np.float32] | None: ...
+    @property
+    def statistics(self) -> Statistics: ...
+    @property
+    def size(self) -> Size: ...
+    def save(self, path: str | PathLike[str]) -> None: ...
+
+class Model:
+    """A model that was opened."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def format(self) -> str: ...
+    @property
+    def kind(self) -> Literal["surface", "points", "empty"]: ...
+    @property
+    def vertex_count(self) -> int: ...
+    @property
+    def triangle_count(self) -> int: ...
+    @property
+    def node_count(self) -> int: ...
+    @property
+    def bounds(self) -> tuple[Vector, Vector]: ...
+    @property
+    def center(self) -> Vector: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def up(self) -> Literal["x", "y", "z"]: ...
+    @property
+    def is_closed(self) -> bool: ...
+    @property
+    def has_colors(self) -> bool: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def memory_bytes(self) -> int: ...
+    @property
+    def scene_camera(self) -> Camera | None: ...
+    def orbit(
+        self,
+        azimuth: float = 30.0,
+        elevation: float = 20.0,
+        fill: float = 1.0,
+        *,
+        up: Literal["auto", "x", "y", "z"] = "auto",
+        size: Size = (500, 500),
+    ) -> Camera: ...
+    def render(
+        self,
+        camera: Camera | None = None,
+        *,
+        samples: int = 1,
+        depth: bool = False,
+        normals: bool = False,
+        backend: Backend = "auto",
+        device: str | int | None = None,
+        validate: bool = False,
+        **look: Unpack[Look],
+    ) -> Picture: ...
+
+class Renderer:
+    """Draws pictures of one model in one size; faster than Model.render for several."""
+
+    def __init__(
+        self,
+        model: Model,
+        size: Size = (500, 500),
+        *,
+        depth: bool = False,
+        normals: bool = False,
+        backend: Backend = "auto",
+        device: str | int | None = None,
+        validate: bool = False,
+    ) -> None: ...
+    def render(
+        self, camera: Camera, *, samples: int = 1, **look: Unpack[Look]
+    ) -> Picture: ...
+    @property
+    def device(self) -> str: ...
+    @property
+    def size(self) -> Size: ...
+
+def open(
+    path: str | PathLike[str],
+    *,
+    weld: bool = False,
+    crease: float | None = None,
+    textures: bool = True,
+    color_by: str | None = None,
+    color_range: tuple[float, float] | None = None,
+    frame_all: bool = False,
+) -> Model: ...
+def devices() -> list[str]: ...
+def compare(
+    reference: Picture | NDArray[np.uint8] | NDArray[np.float32] | str | PathLike[str],
+    picture: Picture | NDArray[np.uint8] | NDArray[np.float32] | str | PathLike[str],
+    *,
+    pixels_per_degree: float = ...,
+    flip_map: bool = False,
+) -> Comparison: ...

@@ -1,0 +1,318 @@
+//! `surfel soak`: random input for the window, for minutes; memory must not grow and validation must be silent.
+//!
+//! A run is a row of sessions. Each opens a device and the window (or its replay without one), plays a recording made from
+//! the seed, and closes all of it. Memory is measured between sessions, where nothing is open.
+//!
+//! The C library of Linux keeps freed memory for later, more and more of it in programs of many threads. `MALLOC_ARENA_MAX`
+//! and `MALLOC_MMAP_THRESHOLD_` make it give that back, so that what is left is what the program holds (docs/TRUST.md).
+
+use super::progress::is_interrupted;
+use super::soak_input::{SeededNumbers, session};
+use super::{Failure, Outcome, bytes, print, usage};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use surfel::gpu::{self, DeviceOptions};
+use surfel::progress::Silent;
+use surfel::render::Settings;
+use surfel::render::window_renderer::WindowBackend;
+use surfel::viewer::record::EventRecorder;
+use surfel::viewer::{self, InjectedFaults, RunFigures, ViewerOptions};
+
+const EXAMPLES: &str = "\
+Examples:
+  surfel soak --minutes 10
+  surfel soak --minutes 60 --seed 7 castle.ply castle/scene.mvs
+  surfel soak --seed 7 --session 12 --minutes 1      that session again
+  xvfb-run -a surfel soak --window --minutes 10      in a real window";
+
+/// Give the window random input for some minutes: loads, files good and bad, turns, sizes, methods, splats, backends,
+/// devices that are lost, photographs, recordings. Fails on any message of validation, and when memory grows.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    /// Files that are dropped besides small ones that are made: models, scenes of photographs, cameras
+    #[arg(value_name = "MODEL")]
+    models: Vec<PathBuf>,
+    /// How long
+    #[arg(long, value_name = "MINUTES", default_value_t = 10.0)]
+    minutes: f64,
+    /// What the input is made from
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
+    seed: u64,
+    /// Play this session alone, again and again
+    #[arg(long, value_name = "NUMBER")]
+    session: Option<u64>,
+    /// Keep the recordings of the sessions in this folder (surfel --replay plays them)
+    #[arg(long, value_name = "FOLDER")]
+    recordings: Option<PathBuf>,
+    /// Things that are done in a session
+    #[arg(long, value_name = "COUNT", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    acts: u64,
+    /// Most that memory may grow after the first minute, percent
+    #[arg(long, value_name = "PERCENT", default_value_t = 1.0)]
+    most_growth: f64,
+    /// Open a real window for each session
+    #[arg(long)]
+    window: bool,
+    /// Without the validation layer, to measure the program's own memory
+    #[arg(long)]
+    no_validation: bool,
+}
+
+/// Figures of a minute.
+#[derive(Debug, Clone, Copy, Default)]
+struct MinuteFigures {
+    sessions: u64,
+    frames: u64,
+    longest_ms: f64,
+    /// Least resident memory between its sessions, bytes; 0 where none ended in it.
+    resident: u64,
+}
+
+impl MinuteFigures {
+    fn add(&mut self, figures: &RunFigures, resident: u64) {
+        self.sessions += 1;
+        self.frames += figures.frames;
+        self.longest_ms = self.longest_ms.max(figures.longest_ms);
+        if self.resident == 0 || resident < self.resident {
+            self.resident = resident;
+        }
+    }
+}
+
+/// Memory of this process that is in RAM, bytes; `None` where the system does not tell.
+fn resident_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmRSS:"))?;
+    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kilobytes * 1024)
+}
+
+/// Writes the small files that sessions drop into `folder`: good ones and bad ones. Names of generators are among them.
+fn make_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let failed = |e: std::io::Error| Failure::Run(anyhow::Error::new(e).context("files of a soak"));
+    let mut files: Vec<PathBuf> = [
+        "generate:statue:30000",
+        "generate:torus:4000",
+        "scene:fence",
+    ]
+    .map(PathBuf::from)
+    .to_vec();
+    for (name, shape) in [("ball.ply", "sphere:5000"), ("flat.ply", "square:2000")] {
+        let spec = shape.parse().map_err(surfel::Error::from)?;
+        let path = folder.join(name);
+        surfel::generate::write_ply_file(&spec, &path, &Silent)?;
+        files.push(path);
+    }
+    let ball = std::fs::read(folder.join("ball.ply")).map_err(failed)?;
+    let points: String = (0..3000)
+        .map(|i: u32| format!("{} {} {}\n", i % 50, i / 50, (i * i) % 17))
+        .collect();
+    let camera =
+        surfel::math::camera::Camera::orbit((320, 240), glam::DVec3::ZERO, 1.0, 1.0, 0.3, 0.9);
+    let camera = serde_json::to_string(&camera).map_err(|e| Failure::Run(e.into()))?;
+    let made: [(&str, &[u8]); 7] = [
+        ("cut-short.ply", &ball[..ball.len() / 2]),
+        ("empty.obj", b""),
+        ("noise.bin", &[0x93, 0x11, 0, 0xff, 7, 9]),
+        ("one-triangle.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        ("cloud.xyz", points.as_bytes()),
+        ("camera.json", camera.as_bytes()),
+        ("no-camera.json", b"{\"width\": 3}"),
+    ];
+    for (name, content) in made {
+        let path = folder.join(name);
+        std::fs::write(&path, content).map_err(failed)?;
+        files.push(path);
+    }
+    files.push(folder.join("missing.ply"));
+    Ok(files)
+}
+
+/// Plays one session.
+fn play(
+    args: &Args,
+    number: u64,
+    files: &[PathBuf],
+    devices: &[String],
+    recording: &Path,
+) -> Result<RunFigures, Failure> {
+    let mut numbers = SeededNumbers::of(args.seed, number);
+    let first = numbers.one(&files[..3]);
+    let backends = [
+        WindowBackend::Auto,
+        WindowBackend::Vulkan,
+        WindowBackend::Cpu,
+    ];
+    let backend = numbers.one(&backends);
+    let device = numbers.one(devices);
+    let every = |numbers: &mut SeededNumbers| match numbers.once_in(4) {
+        true => 10 + numbers.below(30),
+        false => 0,
+    };
+    let faults = InjectedFaults {
+        surface: every(&mut numbers),
+        device: every(&mut numbers),
+        memory: every(&mut numbers),
+    };
+    let frame_ms = numbers.once_in(3).then_some(33.0);
+    let entries = session(&mut numbers, first.clone(), files, args.acts);
+    let mut recorder = EventRecorder::create(recording).map_err(viewer::Error::from)?;
+    recorder.add(&entries).map_err(viewer::Error::from)?;
+    recorder.finish().map_err(viewer::Error::from)?;
+    let options = ViewerOptions {
+        model: first,
+        orbit: (0.5, 0.35, 1.0),
+        size: (320, 240),
+        settings: Settings::default(),
+        backend,
+        frame_ms,
+        smooths: true,
+        gpu: DeviceOptions {
+            device: Some(device),
+            validation: !args.no_validation,
+            ..DeviceOptions::default()
+        },
+        replay: Some(recording.to_owned()),
+        headless: !args.window,
+        faults,
+        ..ViewerOptions::default()
+    };
+    match viewer::run(options, &is_interrupted) {
+        // What a frame needs is refused by a backend, or a device is lost too often: told, not a fault.
+        Err(viewer::Error::DeviceGone(_)) if faults.device > 0 => Ok(RunFigures::default()),
+        outcome => Ok(outcome?),
+    }
+}
+
+/// Growth of memory in percent: the least of the last third of the minutes over the least of the first third, the first minute
+/// left out. `None` below three further minutes. A least is no average: what a session leaves behind for a while does not count,
+/// and what every session leaves behind does.
+fn growth(minutes: &[MinuteFigures]) -> Option<f64> {
+    let later: Vec<u64> = (minutes.iter().skip(1).map(|m| m.resident))
+        .filter(|&resident| resident > 0)
+        .collect();
+    let third = later.len() / 3;
+    let before = *later[..third].iter().min()?;
+    let after = *later[later.len() - third..].iter().min()?;
+    Some((after as f64 / before as f64 - 1.0) * 100.0)
+}
+
+/// A line of the table.
+fn row(minute: usize, figures: &MinuteFigures) -> String {
+    format!(
+        "{minute:>6}  {:>8}  {:>7}  {:>10.0}  {:>10}\n",
+        figures.sessions,
+        figures.frames,
+        figures.longest_ms,
+        bytes(figures.resident)
+    )
+}
+
+pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
+    if !(args.minutes > 0.0 && args.minutes <= 100_000.0) {
+        return Err(usage("--minutes: a number above 0"));
+    }
+    let folder = tempfile::tempdir().map_err(|e| Failure::Run(e.into()))?;
+    let mut files = make_files(folder.path())?;
+    for model in &args.models {
+        let path = model.canonicalize().map_err(|e| {
+            Failure::Input(anyhow::Error::new(e).context(model.display().to_string()))
+        })?;
+        files.push(path);
+    }
+    let found = gpu::device::list()?.into_iter();
+    let usable = found.filter(|device| device.unusable.is_none());
+    let devices: Vec<String> = usable.map(|device| device.index.to_string()).collect();
+    if devices.is_empty() {
+        return Err(gpu::Error::NoDevice("nothing shows the frames of a window".into()).into());
+    }
+    let recordings = match &args.recordings {
+        Some(kept) => kept.canonicalize().map_err(|e| {
+            Failure::Input(anyhow::Error::new(e).context(kept.display().to_string()))
+        })?,
+        None => folder.path().to_owned(),
+    };
+    // Keys write pictures into the folder that the program is in.
+    let pictures = folder.path().join("pictures");
+    let start = Instant::now();
+    let mut minutes: Vec<MinuteFigures> = Vec::new();
+    let mut now = MinuteFigures::default();
+    print("minute  sessions   frames  longest ms    resident\n")?;
+    for count in 0.. {
+        let number = args.session.unwrap_or(count);
+        let made = std::fs::create_dir_all(&pictures);
+        made.and_then(|()| std::env::set_current_dir(&pictures))
+            .map_err(|e| Failure::Run(e.into()))?;
+        let recording = match &args.recordings {
+            Some(_) => recordings.join(format!("session-{number:05}.jsonl")),
+            None => recordings.join("session.jsonl"),
+        };
+        let figures = play(args, number, &files, &devices, &recording).map_err(|failure| {
+            let seed = args.seed;
+            let told =
+                format!("session {number} of seed {seed} (--seed {seed} --session {number})");
+            match failure {
+                Failure::Input(error) | Failure::Run(error) => Failure::Run(error.context(told)),
+            }
+        })?;
+        std::env::set_current_dir(folder.path())
+            .and_then(|()| std::fs::remove_dir_all(&pictures))
+            .map_err(|e| Failure::Run(e.into()))?;
+        if !quiet {
+            let resident = bytes(resident_bytes().unwrap_or(0));
+            tracing::info!(
+                number,
+                figures.frames,
+                figures.longest_ms,
+                resident,
+                "session"
+            );
+        }
+        now.add(&figures, resident_bytes().unwrap_or(0));
+        let elapsed = start.elapsed();
+        let is_over = is_interrupted() || elapsed >= Duration::from_secs_f64(args.minutes * 60.0);
+        if is_over || elapsed.as_secs() / 60 > minutes.len() as u64 {
+            print(&row(minutes.len() + 1, &now))?;
+            minutes.push(std::mem::take(&mut now));
+        }
+        if is_over {
+            break;
+        }
+    }
+    match growth(&minutes) {
+        None => print("too short, or this system tells no memory: growth not judged\n"),
+        Some(percent) if percent > args.most_growth => Err(Failure::Run(anyhow::anyhow!(
+            "memory grew by {percent:.2} percent after the first minute, more than {}",
+            args.most_growth
+        ))),
+        Some(percent) => print(&format!(
+            "memory grew by {percent:.2} percent after the first minute\n"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn growth_is_that_of_what_every_session_leaves_behind() {
+        let of = |megabytes: &[u64]| {
+            let minute = |&resident: &u64| MinuteFigures {
+                resident: resident << 20,
+                ..MinuteFigures::default()
+            };
+            growth(&megabytes.iter().map(minute).collect::<Vec<_>>())
+        };
+        assert_eq!(of(&[50, 100, 100]), None);
+        assert_eq!(of(&[50, 100, 130, 100]), Some(0.0));
+        // Single minutes may hold more.
+        assert_eq!(of(&[50, 100, 180, 100, 170, 190, 100]), Some(0.0));
+        let leaking = of(&[50, 100, 101, 102, 103, 104, 105]);
+        assert!(
+            leaking.is_some_and(|percent| (percent - 4.0).abs() < 1e-9),
+            "{leaking:?}"
+        );
+    }
+}
