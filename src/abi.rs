@@ -173,7 +173,7 @@ impl OrientedPolygon {
     pub const MOST_CORNERS: usize = 8;
 }
 
-/// What every pass of a frame knows, 304 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 320 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -216,6 +216,12 @@ pub struct FrameConstants {
     pub window_from_model: [[f32; 4]; 4],
     /// Where the headlight is in model space: a position (last component 1), or the unit vector towards it (0).
     pub headlight: [f32; 4],
+    /// Power of the openness of a pixel that ambient occlusion multiplies its color by; 0 without.
+    pub ambient_occlusion: f32,
+    /// How far around a pixel that looks, pixels.
+    pub ambient_occlusion_px: f32,
+    /// Nothing.
+    pub unused: [f32; 2],
 }
 
 /// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
@@ -487,6 +493,9 @@ same_layout!(
     depth_offset = DEPTH_OFFSET,
     window_from_model = WINDOW_FROM_MODEL,
     headlight = HEADLIGHT,
+    ambient_occlusion = AMBIENT_OCCLUSION,
+    ambient_occlusion_px = AMBIENT_OCCLUSION_PX,
+    unused = UNUSED,
 );
 same_layout!(
     ListConstants,

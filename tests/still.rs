@@ -18,8 +18,8 @@ use surfel::render::stats::KeptWork;
 use surfel::render::vulkan::renderer::VulkanRenderer;
 use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{
-    Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
-    SumFormat, Traversal,
+    AmbientOcclusion, Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings,
+    Shading, SplatKind, SumFormat, Traversal,
 };
 use surfel::tree::Model;
 
@@ -219,6 +219,9 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         size: _,
         eye_dome: _,
         eye_dome_strength: _,
+        ambient_occlusion: _,
+        ambient_occlusion_strength: _,
+        ambient_occlusion_reach_px: _,
         // tests/photo_look.rs has those: photographs have to be given.
         photos: _,
         marks_uncovered: _,
@@ -261,6 +264,16 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     add("other lamp", true, &|s| s.light = lamp(1.0));
     add("darkened", true, &|s| s.eye_dome = EyeDome::On);
     add("more darkened", false, &|s| s.eye_dome_strength = 2.0);
+    let occluded = |s: &mut Settings| s.ambient_occlusion = AmbientOcclusion::On;
+    add("occluded", true, &occluded);
+    add("more occluded", true, &|s| {
+        occluded(s);
+        s.ambient_occlusion_strength = 3.0;
+    });
+    add("occluded from near", true, &|s| {
+        occluded(s);
+        s.ambient_occlusion_reach_px = Some(3.0);
+    });
     add("no colors", true, &|s| s.use_colors = false);
     add("background", true, &|s| s.background = [0.2, 0.4, 0.6]);
     add("metric", true, &|s| s.size = SizeMetric::Nearest);

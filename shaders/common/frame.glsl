@@ -38,6 +38,11 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     // Where the headlight is in model space: a position where w is 1, the unit vector towards it where w is 0. Shading there
     // needs no matrix.
     vec4 headlight;
+    // Power of the openness of a pixel that ambient occlusion multiplies its color by; 0 without. How far around that looks,
+    // pixels.
+    float ambient_occlusion;
+    float ambient_occlusion_px;
+    vec2 unused;
 } frame;
 
 // The flags of the frames that a pipeline is made for, with FLAGS_ARE_KNOWN; 0: the block says. Where larger parts of a shader

@@ -1,6 +1,7 @@
 //! The options that decide how a model looks, shared by every command that draws.
 
 use super::color_choice::{ColorByName, ColorChoice};
+use super::darkening::DarkeningArgs;
 use super::error_patches::ErrorArgs;
 use super::light::LightArgs;
 use super::vertex_splats::VertexSplatArgs;
@@ -11,8 +12,8 @@ use surfel::cut::SizeMetric;
 use surfel::input::PointColoring;
 use surfel::pack::ColorBy;
 use surfel::render::{
-    Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, Reconstruction, Settings,
-    Shading, SplatKind, SumFormat, Traversal,
+    Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
+    SplatKind, SumFormat, Traversal,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -48,16 +49,6 @@ enum CullingName {
     /// Always drop what faces away
     On,
     /// Draw both sides
-    Off,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum EyeDomeName {
-    /// On points without normals
-    Auto,
-    /// On everything
-    On,
-    /// Nothing is darkened
     Off,
 }
 
@@ -272,13 +263,8 @@ pub(crate) struct LookArgs {
     /// Whether what faces away is dropped
     #[arg(long, value_enum, default_value = "auto")]
     culling: CullingName,
-    /// Whether pixels are darkened that lie behind their neighbors (eye-dome lighting), so that depth shows without normals; of
-    /// shaded colors [default: auto in surfel render and the window, else off]
-    #[arg(long, value_enum)]
-    eye_dome: Option<EyeDomeName>,
-    /// How strong eye-dome lighting is
-    #[arg(long, value_name = "FACTOR", default_value = "1")]
-    eye_dome_strength: f32,
+    #[command(flatten)]
+    pub(crate) darkening: DarkeningArgs,
     /// Source of the color: shading (light and vertex colors), primitive (splats red, triangles blue, patches green); not lit: level (of the tree, the root dark), normal, depth (near bright), overdraw (from 1, dark violet, over 8 to 64, yellow); classification of visibility splats; or, of points, height, intensity, class, return, time or another attribute that `surfel info` lists
     #[arg(long, value_name = "WHAT", default_value = "shading", value_parser = str::parse::<ColorChoice>)]
     color_by: ColorChoice,
@@ -296,11 +282,6 @@ pub(crate) struct LookArgs {
 }
 
 impl LookArgs {
-    /// Takes eye-dome lighting of points without normals for what a person looks at, where nothing is said of it.
-    pub(crate) fn default_eye_dome(&mut self) {
-        self.eye_dome.get_or_insert(EyeDomeName::Auto);
-    }
-
     /// Takes the threshold of a scene where none is given.
     pub(crate) fn default_threshold(&mut self, pixels: f32) {
         self.threshold.get_or_insert(pixels);
@@ -392,12 +373,7 @@ impl LookArgs {
                 "--threshold {threshold} is no size in pixels from 0 to 4096"
             )));
         }
-        if !(0.0..=10.0).contains(&self.eye_dome_strength) {
-            return Err(usage(format!(
-                "--eye-dome-strength {} is no factor from 0 to 10",
-                self.eye_dome_strength
-            )));
-        }
+        self.darkening.check()?;
         if let Some(factor) = self.depth_offset
             && !(0.0..=1000.0).contains(&factor)
         {
@@ -465,12 +441,11 @@ impl LookArgs {
                 OcclusionName::Off => Occlusion::Off,
             },
             depth_offset: self.depth_offset,
-            eye_dome: match self.eye_dome {
-                Some(EyeDomeName::Auto) => EyeDome::Auto,
-                Some(EyeDomeName::On) => EyeDome::On,
-                Some(EyeDomeName::Off) | None => EyeDome::Off,
-            },
-            eye_dome_strength: self.eye_dome_strength,
+            eye_dome: self.darkening.eye_dome(),
+            eye_dome_strength: self.darkening.eye_dome_strength,
+            ambient_occlusion: self.darkening.ambient_occlusion(),
+            ambient_occlusion_strength: self.darkening.ambient_occlusion_strength,
+            ambient_occlusion_reach_px: self.darkening.ambient_occlusion_radius_px,
             photos: Default::default(),
             marks_uncovered: false,
             culling: match self.culling {

@@ -10,6 +10,7 @@ mod check;
 mod color_choice;
 mod compare;
 mod costs;
+mod darkening;
 mod demo;
 mod devices;
 mod error_patches;

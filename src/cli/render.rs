@@ -392,7 +392,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     args.check()?;
     args.auto.check(args.look.is_auto())?;
-    args.look.default_eye_dome();
+    args.look.darkening.to_be_looked_at();
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings_to_choose()?;
     if args.samples.is_some_and(|samples| samples > 1) && settings.color_by == ColorBy::Overdraw {

@@ -4,7 +4,7 @@ use crate::abi::{FrameConstants, constants};
 use crate::math::camera::{Light, View};
 use crate::pack::{ColorBy, Lighting, Phong, Source, falsecolor};
 use crate::render::model_facts::DrawnFacts;
-use crate::render::{EyeDome, Settings, screen_bounds};
+use crate::render::{AmbientOcclusion, EyeDome, Settings, screen_bounds};
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
 /// What every pass of a frame needs besides its resources.
@@ -139,6 +139,18 @@ pub(crate) fn eye_dome_exponent(settings: &Settings) -> f32 {
     }
 }
 
+/// Power of the openness at strength 1: see `src/render/reference/ambient_occlusion.rs`.
+const OPENNESS_POWER: f32 = 2.0;
+
+/// Value of [`FrameConstants::ambient_occlusion`] of settings that
+/// [`resolve_settings`](crate::render::frame_plan::resolve_settings) gave.
+pub(crate) fn openness_power(settings: &Settings) -> f32 {
+    match settings.ambient_occlusion {
+        AmbientOcclusion::On => OPENNESS_POWER * settings.ambient_occlusion_strength,
+        AmbientOcclusion::Auto | AmbientOcclusion::Off => 0.0,
+    }
+}
+
 /// The uniform block of a frame.
 pub(crate) fn frame_constants(
     view: &View,
@@ -206,6 +218,9 @@ pub(crate) fn frame_constants(
             view.eye.extend(1.0)
         }
         .to_array(),
+        ambient_occlusion: openness_power(settings),
+        ambient_occlusion_px: settings.ambient_occlusion_radius_px(view.width, view.height),
+        unused: [0.0; 2],
     }
 }
 

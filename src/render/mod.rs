@@ -38,8 +38,8 @@ pub mod window_renderer;
 
 pub use crate::render::outputs::PictureOutputs;
 pub use crate::render::settings::{
-    Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PhotoDisplay, Reconstruction,
-    Settings, Shading, SplatKind, SumFormat, Traversal,
+    AmbientOcclusion, Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path,
+    PhotoDisplay, Reconstruction, Settings, Shading, SplatKind, SumFormat, Traversal,
 };
 
 pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;

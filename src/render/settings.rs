@@ -176,6 +176,20 @@ pub enum EyeDome {
     Off,
 }
 
+/// Whether pixels are darkened that lie deeper than what is around them (ambient occlusion in screen space), so that shape shows
+/// where the light is even.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AmbientOcclusion {
+    /// Of what has normals, in shaded colors.
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    #[default]
+    Off,
+}
+
 /// What of photographs is shown on the surface, where some are given to the renderer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -254,6 +268,13 @@ pub struct Settings {
     pub eye_dome: EyeDome,
     /// How strong that is: 0 to 10, usually 1.
     pub eye_dome_strength: f32,
+    /// Darkening of what lies deep between its surroundings; never of colors that are data.
+    pub ambient_occlusion: AmbientOcclusion,
+    /// How strong that is: 0 to 10, usually 1.
+    pub ambient_occlusion_strength: f32,
+    /// How far around a pixel that looks, 1 to 256 pixels; `None` is the usual part of the picture, see
+    /// [`Settings::ambient_occlusion_radius_px`].
+    pub ambient_occlusion_reach_px: Option<f32>,
     /// Photographs on the surface, in place of its shaded colors.
     pub photos: PhotoDisplay,
     /// Surface that no photograph shows is marked; else it keeps its shaded color.
@@ -299,6 +320,9 @@ impl Default for Settings {
             threshold_px: 1.0,
             eye_dome: EyeDome::Off,
             eye_dome_strength: 1.0,
+            ambient_occlusion: AmbientOcclusion::Off,
+            ambient_occlusion_strength: 1.0,
+            ambient_occlusion_reach_px: None,
             photos: PhotoDisplay::Off,
             marks_uncovered: false,
             culling: Culling::Auto,
@@ -400,6 +424,13 @@ impl Settings {
     /// Whether filtered splats are drawn: they need the sums of the tree ([`crate::tree::Moments`]).
     pub fn draws_filtered(&self) -> bool {
         self.draws_splats() && self.splat == SplatKind::Filtered
+    }
+
+    /// How far around a pixel of a picture of this size ambient occlusion looks, pixels: 4 % of the shorter side, so that
+    /// pictures of one view look alike in any size.
+    pub fn ambient_occlusion_radius_px(&self, width: u32, height: u32) -> f32 {
+        let usual = (0.04 * width.min(height) as f32).clamp(4.0, 64.0);
+        self.ambient_occlusion_reach_px.unwrap_or(usual)
     }
 
     /// Whether splats are drawn as visible centers with a reconstruction between them.

@@ -3,7 +3,8 @@
 use crate::cut::SizeMetric;
 use crate::pack::ColorBy;
 use crate::render::{
-    Blend, Culling, EyeDome, Method, PhotoDisplay, Reconstruction, Shading, SplatKind,
+    AmbientOcclusion, Blend, Culling, EyeDome, Method, PhotoDisplay, Reconstruction, Shading,
+    SplatKind,
 };
 
 /// A value with its name and what it is, in a sentence.
@@ -152,6 +153,13 @@ pub const EYE_DOMES: &[NamedChoice<EyeDome>] = &[
     (EyeDome::Off, "off", "Nothing"),
 ];
 
+/// What is darkened where its surroundings hide its sky.
+pub const AMBIENT_OCCLUSIONS: &[NamedChoice<AmbientOcclusion>] = &[
+    (AmbientOcclusion::Auto, "auto", "What has normals"),
+    (AmbientOcclusion::On, "on", "Everything"),
+    (AmbientOcclusion::Off, "off", "Nothing"),
+];
+
 /// What of photographs is shown.
 pub const PHOTOGRAPHS: &[NamedChoice<PhotoDisplay>] = &[
     (PhotoDisplay::Off, "off", "The model as it is"),
@@ -265,6 +273,7 @@ mod tests {
         names(METRICS);
         names(CULLINGS);
         names(EYE_DOMES);
+        names(AMBIENT_OCCLUSIONS);
         names(PHOTOGRAPHS);
         names(COLORS_BY);
         names(BACKGROUNDS);

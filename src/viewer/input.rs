@@ -73,6 +73,7 @@ pub const KEYS: &[KeyGroup] = &[
             ("I", "background: black, gray, white"),
             ("B", "culling of what faces away"),
             ("Shift B", "darken what lies behind its neighbors"),
+            ("Shift A", "darken what lies deep between its surroundings"),
             (
                 "C, Shift C",
                 "next or previous coloring: light, primitives, levels, normals, depth, overdraw",
@@ -190,6 +191,8 @@ pub enum Command {
     Culling,
     /// The next kind of eye-dome lighting.
     EyeDome,
+    /// The next kind of ambient occlusion.
+    AmbientOcclusion,
     /// The next (1) or previous (-1) coloring.
     ColorBy(i32),
     /// Switch photographs on the model.
@@ -315,6 +318,7 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
         KeyboardKey::PadSubtract => Command::ThresholdBy(-STEP_PX),
         KeyboardKey::Digit(n @ 1..=9) => Command::Threshold(f32::from(n)),
         KeyboardKey::Char(c) => match c {
+            'a' if modifiers.shift => Command::AmbientOcclusion,
             'a' => Command::Method(Method::Triangles),
             's' => Command::Method(Method::Points),
             'd' => Command::Method(Method::Pop),

@@ -56,6 +56,7 @@ pub struct StoredLook {
     size_metric: String,
     culling: String,
     eye_dome: String,
+    ambient_occlusion: String,
     two_sided: bool,
     colors: bool,
     color_by: String,
@@ -127,6 +128,8 @@ impl StoredLook {
             size_metric: name_of(choices::METRICS, settings.size).into(),
             culling: name_of(choices::CULLINGS, settings.culling).into(),
             eye_dome: name_of(choices::EYE_DOMES, settings.eye_dome).into(),
+            ambient_occlusion: name_of(choices::AMBIENT_OCCLUSIONS, settings.ambient_occlusion)
+                .into(),
             two_sided: settings.two_sided,
             colors: settings.use_colors,
             color_by: name_of(choices::COLORS_BY, settings.color_by).into(),
@@ -174,6 +177,11 @@ impl StoredLook {
             size: choice("size_metric", choices::METRICS, &self.size_metric)?,
             culling: choice("culling", choices::CULLINGS, &self.culling)?,
             eye_dome: choice("eye_dome", choices::EYE_DOMES, &self.eye_dome)?,
+            ambient_occlusion: choice(
+                "ambient_occlusion",
+                choices::AMBIENT_OCCLUSIONS,
+                &self.ambient_occlusion,
+            )?,
             two_sided: self.two_sided,
             use_colors: self.colors,
             color_by: choice("color_by", choices::COLORS_BY, &self.color_by)?,
@@ -323,7 +331,9 @@ mod tests {
     use super::*;
     use crate::cut::SizeMetric;
     use crate::pack::ColorBy;
-    use crate::render::{Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind};
+    use crate::render::{
+        AmbientOcclusion, Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind,
+    };
 
     #[test]
     fn what_was_saved_is_loaded() {
@@ -348,6 +358,7 @@ mod tests {
             depth_offset: Some(0.5),
             culling: Culling::Off,
             eye_dome: EyeDome::On,
+            ambient_occlusion: AmbientOcclusion::On,
             two_sided: false,
             use_colors: false,
             color_by: ColorBy::Primitive,

@@ -13,7 +13,9 @@ use crate::pack::small_triangles;
 use crate::pack::small_triangles::LargeTriangles;
 use crate::pack::splats::Plan;
 use crate::patches::PatchRaster;
-use crate::render::cpu::eye_dome::{DrawnRectangle, EyeDome};
+use crate::render::cpu::ambient_occlusion::AmbientOcclusionLook;
+use crate::render::cpu::darken::DrawnRectangle;
+use crate::render::cpu::eye_dome::EyeDome;
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
 use crate::render::cpu::filtered::{Canvas, GroupedSplats};
@@ -84,6 +86,7 @@ pub struct CpuRenderer {
     planes: FloatPlanes,
     rect_px: [u32; 4],
     eye_dome: EyeDome,
+    ambient_occlusion: AmbientOcclusionLook,
 }
 
 /// What of a frame is drawn, counted.
@@ -123,6 +126,7 @@ impl CpuRenderer {
             planes: FloatPlanes::default(),
             rect_px: [0; 4],
             eye_dome: EyeDome::default(),
+            ambient_occlusion: AmbientOcclusionLook::default(),
         }
     }
 
@@ -216,18 +220,7 @@ impl CpuRenderer {
             _ if self.needs_surfaces(settings) => self.draw_surfaces(&frame, &light, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
-        if plan.constants.eye_dome > 0.0 {
-            let [left, _, right, _] = context.rect_px;
-            let pitch = pixels.pitch;
-            let picture = DrawnRectangle {
-                colors: pixels.from(context.rect_px),
-                pitch,
-                depths: &self.depths[..rect_pixels],
-                width: (right - left) as usize,
-            };
-            let values = self.planes.planes().values;
-            self.eye_dome.darken(&plan.constants, picture, values);
-        }
+        self.look(plan, &mut pixels);
         packing.end(&mut times);
         times.host_ms = times.pack_ms;
         times.counts = FrameCounts {
@@ -246,6 +239,29 @@ impl CpuRenderer {
         self.drawn = Some(key);
         self.last_times = times.clone();
         times
+    }
+
+    /// Darkens the picture by its depths, where that is asked for.
+    fn look(&mut self, plan: &FramePlan, pixels: &mut PixelWords<'_>) {
+        let constants = &plan.constants;
+        let rect_px = plan.context.rect_px;
+        let [left, _, right, _] = rect_px;
+        let rect_pixels = screen_bounds::pixels(rect_px) as usize;
+        let pitch = pixels.pitch;
+        let mut picture = DrawnRectangle {
+            colors: pixels.from(rect_px),
+            pitch,
+            depths: &self.depths[..rect_pixels],
+            width: (right - left) as usize,
+        };
+        let values = self.planes.planes().values;
+        if constants.ambient_occlusion > 0.0 {
+            let picture = picture.again();
+            (self.ambient_occlusion).darken(constants, picture, values);
+        }
+        if constants.eye_dome > 0.0 {
+            self.eye_dome.darken(constants, picture.again(), values);
+        }
     }
 
     /// Chooses the cut, unless it is there; tells whether it was chosen.

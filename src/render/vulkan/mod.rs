@@ -2,13 +2,13 @@
 //! `shaders` under the name of the pass.
 
 pub mod blended;
+pub(crate) mod darken;
 pub(crate) mod device_cut;
 pub(crate) mod device_textures;
 pub(crate) mod device_tree;
 pub(crate) mod draw_lists;
 pub(crate) mod expand_ids;
 pub(crate) mod expanded_lists;
-pub(crate) mod eye_dome;
 pub(crate) mod look;
 pub mod opaque;
 pub mod overdraw;

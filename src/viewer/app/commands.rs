@@ -113,6 +113,15 @@ impl ViewerApp {
             Command::EyeDome => self.step(choices::EYE_DOMES, old.eye_dome, false, |eye_dome| {
                 Settings { eye_dome, ..old }
             }),
+            Command::AmbientOcclusion => {
+                let list = choices::AMBIENT_OCCLUSIONS;
+                self.step(list, old.ambient_occlusion, false, |ambient_occlusion| {
+                    Settings {
+                        ambient_occlusion,
+                        ..old
+                    }
+                });
+            }
             Command::Culling => self.wish(Settings {
                 culling: if old.culls_back(is_closed) {
                     Culling::Off

@@ -492,6 +492,12 @@ fn every_choice_of_the_panel_is_kept() {
     for &(eye_dome, ..) in choices::EYE_DOMES {
         keep(Settings { eye_dome, ..usual });
     }
+    for &(ambient_occlusion, ..) in choices::AMBIENT_OCCLUSIONS {
+        keep(Settings {
+            ambient_occlusion,
+            ..usual
+        });
+    }
     for &(color_by, ..) in choices::COLORS_BY {
         keep(Settings { color_by, ..usual });
     }
@@ -505,7 +511,7 @@ fn every_choice_of_the_panel_is_kept() {
         let light = Lighting::Phong(lamp);
         keep(Settings { light, ..usual });
     }
-    assert_eq!(kept, 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 6 + 2);
+    assert_eq!(kept, 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 2 + 6 + 2);
 }
 
 #[test]

@@ -1,7 +1,7 @@
-//! Eye-dome lighting: a pass over the finished picture that darkens pixels whose neighbors are nearer. It works with every
-//! technique, since all leave colors and depths.
+//! Passes over the finished picture that darken pixels by the depths around them: eye-dome lighting and ambient occlusion. They
+//! work with every technique, since all leave colors and depths.
 
-use crate::abi::shaders;
+use crate::abi::{Shader, shaders};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::pipeline::{
@@ -14,24 +14,50 @@ use crate::render::vulkan::targets::color_formats;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
 
+/// Which pixels such a pass darkens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum DarkenRule {
+    /// Those that lie behind their neighbors.
+    EyeDome,
+    /// Those whose sky is hidden by what is around them.
+    AmbientOcclusion,
+}
+
 /// The pipeline and the picture that it makes.
 #[derive(Debug)]
-pub(crate) struct EyeDomePass {
+pub(crate) struct DarkenPass {
+    rule: DarkenRule,
     pipeline: ShaderPipeline,
     picture: Target,
 }
 
-impl EyeDomePass {
+impl DarkenRule {
+    fn name(self) -> &'static str {
+        match self {
+            Self::EyeDome => "look.eye_dome",
+            Self::AmbientOcclusion => "look.ambient_occlusion",
+        }
+    }
+
+    fn shader(self) -> &'static Shader {
+        match self {
+            Self::EyeDome => &shaders::LOOK_EYE_DOME_FRAG,
+            Self::AmbientOcclusion => &shaders::LOOK_AMBIENT_OCCLUSION_FRAG,
+        }
+    }
+}
+
+impl DarkenPass {
     /// For pictures like those of `of`.
     ///
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
-    pub(crate) fn new(gpu: &Arc<Gpu>, of: &FrameTargets) -> Result<Self, Error> {
+    pub(crate) fn new(rule: DarkenRule, gpu: &Arc<Gpu>, of: &FrameTargets) -> Result<Self, Error> {
         let color = of.color();
         let description = PipelineDescription {
-            name: "look.eye_dome",
+            name: rule.name(),
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
-            fragment: Some(&shaders::LOOK_EYE_DOME_FRAG),
+            fragment: Some(rule.shader()),
             constants: &[],
             record: VertexRecord::NOTHING,
             topology: PrimitiveTopology::Triangles,
@@ -40,6 +66,7 @@ impl EyeDomePass {
             is_additive: false,
         };
         Ok(Self {
+            rule,
             pipeline: ShaderPipeline::new(gpu, &description)?,
             picture: Target::new(
                 gpu,
@@ -51,19 +78,19 @@ impl EyeDomePass {
         })
     }
 
-    /// Records pass look.eye_dome, which reads color and depth of the targets.
+    /// Records the pass, which reads a picture and the depth of the targets.
     pub(crate) fn record(
         &self,
         frame: &mut FrameRecorder<'_>,
-        targets: &FrameTargets,
+        (picture, targets): (&Target, &FrameTargets),
         context: &Context,
         constants: UniformBlock,
     ) {
         let [r, g, b] = context.background;
         let pass = frame
-            .pass("look.eye_dome")
+            .pass(self.rule.name())
             .color(&self.picture, TargetLoad::Clear([r, g, b, 0.0]));
-        let (uniforms, images) = ([constants], [targets.color(), targets.depth()]);
+        let (uniforms, images) = ([constants], [picture, targets.depth()]);
         let screen = ScreenDraw::of_images(&self.pipeline, &uniforms, &images);
         raster_pass::full_screen(pass, &screen, context.rect_px);
     }

@@ -1,0 +1,62 @@
+//! The rows of the panel that say how surfaces look.
+
+use super::choose;
+use crate::render::Settings;
+use crate::viewer::choices::{self, name_of};
+use crate::viewer::lamp::{KINDS, LightKind};
+use egui::{Grid, Ui};
+
+/// Lets the user change how surfaces look.
+pub(super) fn show(ui: &mut Ui, settings: &mut Settings, light: &mut LightKind) {
+    Grid::new("look").num_columns(2).show(ui, |ui| {
+        choose(ui, "light", KINDS, light, "What lights the model (L)");
+        choose(
+            ui,
+            "culling",
+            choices::CULLINGS,
+            &mut settings.culling,
+            "Whether what faces away is dropped (B)",
+        );
+        choose(
+            ui,
+            "depth cue",
+            choices::EYE_DOMES,
+            &mut settings.eye_dome,
+            "What is darkened where it lies behind its surroundings: eye-dome lighting (Shift B)",
+        );
+        choose(
+            ui,
+            "occlusion",
+            choices::AMBIENT_OCCLUSIONS,
+            &mut settings.ambient_occlusion,
+            "What is darkened where its surroundings hide its sky: ambient occlusion (Shift A)",
+        );
+        choose(
+            ui,
+            "color by",
+            choices::COLORS_BY,
+            &mut settings.color_by,
+            "What decides the color (C, Shift C)",
+        );
+        let tip = "Color behind the model (I: black, gray, white)";
+        ui.label("background").on_hover_text(tip);
+        ui.horizontal(|ui| {
+            let mut color = settings.background.map(|c| (c * 255.0).round() as u8);
+            if ui
+                .color_edit_button_srgb(&mut color)
+                .on_hover_text(tip)
+                .changed()
+            {
+                settings.background = color.map(|c| f32::from(c) / 255.0);
+            }
+            ui.label(name_of(choices::BACKGROUNDS, settings.background));
+        });
+        ui.end_row();
+    });
+    ui.horizontal(|ui| {
+        ui.checkbox(&mut settings.two_sided, "light both sides")
+            .on_hover_text("Light both sides of a surface, or fronts only (U)");
+        ui.checkbox(&mut settings.use_colors, "vertex colors")
+            .on_hover_text("Multiply by the colors of the vertices (V)");
+    });
+}
