@@ -295,10 +295,12 @@ mod tests {
             for at in 0..width * height {
                 let (x, y) = (at % width, at / width);
                 let away = view.eye.length();
-                let pixel_size = away / view.focal_px();
+                // Within the sphere that the camera sees.
+                let part = width.min(height) as f32 / 41.0;
+                let pixel_size = part * away / view.focal_px();
                 let height = match (x / 9 + y / 7) % 3 {
-                    0 => 0.4 * x as f32,
-                    1 => -0.9 * y as f32,
+                    0 => 0.2 * x as f32,
+                    1 => -0.4 * y as f32,
                     _ => 3.0,
                 };
                 let distance = away + pixel_size * height;
