@@ -173,7 +173,7 @@ impl OrientedPolygon {
     pub const MOST_CORNERS: usize = 8;
 }
 
-/// What every pass of a frame knows, 320 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 464 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -222,6 +222,13 @@ pub struct FrameConstants {
     pub ambient_occlusion_px: f32,
     /// Nothing.
     pub unused: [f32; 2],
+    /// Of [`LitSphere`](crate::pack::lit_sphere::LitSphere): unit vectors towards its lamps, each with the value of its
+    /// highlight, and the light of the sky with the wrap; zero for other lights.
+    pub sphere_lamps: [[f32; 4]; 4],
+    /// Colors of the lamps, and the light of the ground.
+    pub sphere_colors: [[f32; 4]; 4],
+    /// Color of the rim, and its power.
+    pub sphere_rim: [f32; 4],
 }
 
 /// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
@@ -496,6 +503,9 @@ same_layout!(
     ambient_occlusion = AMBIENT_OCCLUSION,
     ambient_occlusion_px = AMBIENT_OCCLUSION_PX,
     unused = UNUSED,
+    sphere_lamps = SPHERE_LAMPS,
+    sphere_colors = SPHERE_COLORS,
+    sphere_rim = SPHERE_RIM,
 );
 same_layout!(
     ListConstants,

@@ -10,6 +10,7 @@ use surfel::generate::GeneratedShape;
 use surfel::gpu::DeviceOptions;
 use surfel::image::Image;
 use surfel::math::camera::{Light, View};
+use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
@@ -262,6 +263,12 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     add("by depth", true, &|s| s.color_by = ColorBy::Depth);
     add("lamp", true, &|s| s.light = lamp(-1.0));
     add("other lamp", true, &|s| s.light = lamp(1.0));
+    add("studio", true, &|s| {
+        s.light = Lighting::Sphere(LitSphere::Studio);
+    });
+    add("metal", true, &|s| {
+        s.light = Lighting::Sphere(LitSphere::Metal);
+    });
     add("darkened", true, &|s| s.eye_dome = EyeDome::On);
     add("more darkened", false, &|s| s.eye_dome_strength = 2.0);
     let occluded = |s: &mut Settings| s.ambient_occlusion = AmbientOcclusion::On;

@@ -43,6 +43,11 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     float ambient_occlusion;
     float ambient_occlusion_px;
     vec2 unused;
+    // Of FLAG_LIT_SPHERE: directions of three lamps with the values of their highlights, and the sky with how far light reaches
+    // around; colors of the lamps, and the ground; the rim and its power. The exponent of highlights is `shininess`.
+    mat4 sphere_lamps;
+    mat4 sphere_colors;
+    vec4 sphere_rim;
 } frame;
 
 // The flags of the frames that a pipeline is made for, with FLAGS_ARE_KNOWN; 0: the block says. Where larger parts of a shader

@@ -337,7 +337,7 @@ impl FramePlan {
                     && !uploads_ids
                     && is_one,
                 binds_vertices: capabilities.binds_vertices,
-                is_gray: is_shaded && !(settings.use_colors && parts.has_colors()),
+                is_gray: settings.shades_gray(parts.has_colors()),
                 are_quads: settings.method == Method::Points && vertex_px > cheapest_px,
             },
             may_use_compute,

@@ -343,6 +343,12 @@ impl Settings {
         self.light == Lighting::Headlight && !self.color_by.is_data()
     }
 
+    /// Whether everything is gray, of models that have colors or none.
+    pub(crate) fn shades_gray(&self, has_colors: bool) -> bool {
+        let is_shaded = self.color_by == ColorBy::Shading;
+        is_shaded && self.light.is_gray() && !(self.use_colors && has_colors)
+    }
+
     /// Whether photographs are put on the surface.
     pub fn shows_photos(&self) -> bool {
         self.photos != PhotoDisplay::Off

@@ -2,6 +2,7 @@
 
 use super::choices::{self, name_of, named};
 use super::lamp;
+use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Lighting, Phong};
 use crate::render::EyeDome;
 use crate::render::Settings;
@@ -102,9 +103,10 @@ impl StoredLook {
         let (light, phong) = match settings.light {
             Lighting::Headlight => ("headlight", Phong::default()),
             Lighting::Phong(phong) => ("phong", phong),
+            Lighting::Sphere(sphere) => (sphere.name(), Phong::default()),
         };
         let (light_at, light_position) = match (settings.light, phong.lamp) {
-            (Lighting::Headlight, _) => (None, None),
+            (Lighting::Headlight | Lighting::Sphere(_), _) => (None, None),
             (_, Lamp::FromCamera { azimuth, elevation }) => (
                 Some([lamp::degrees(azimuth), lamp::degrees(elevation)]),
                 None,
@@ -194,12 +196,15 @@ impl StoredLook {
 impl StoredLook {
     /// The light of these words.
     fn lighting(&self) -> Result<Lighting, String> {
+        let sphere = LitSphere::ALL.into_iter().find(|s| s.name() == self.light);
         let is_lamp = match self.light.as_str() {
             "headlight" => false,
             "phong" => true,
+            _ if sphere.is_some() => false,
             other => {
+                let spheres = LitSphere::ALL.map(LitSphere::name).join(", ");
                 return Err(format!(
-                    "look.light is {other:?}; it may be headlight, phong"
+                    "look.light is {other:?}; it may be headlight, phong, {spheres}"
                 ));
             }
         };
@@ -227,7 +232,7 @@ impl StoredLook {
             within("light_position", *value, -lamp::FARTHEST, lamp::FARTHEST)?;
         }
         if !is_lamp {
-            return Ok(Lighting::Headlight);
+            return Ok(sphere.map_or(Lighting::Headlight, Lighting::Sphere));
         }
         Ok(Lighting::Phong(Phong {
             lamp: match (self.light_position, self.light_at) {

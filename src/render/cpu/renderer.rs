@@ -476,8 +476,7 @@ impl CpuRenderer {
         debug_assert!(is_lit, "there is a light");
         let canvas = Canvas {
             rect_px: frame.context.rect_px,
-            is_gray: settings.color_by == ColorBy::Shading
-                && !(settings.use_colors && frame.drawn.has_colors()),
+            is_gray: settings.shades_gray(frame.drawn.has_colors()),
         };
         let (count, words) = (canvas.pixels(), canvas.pixels() * canvas.words());
         self.front.resize(count.max(self.front.len()), 0);

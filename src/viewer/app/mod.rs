@@ -177,7 +177,7 @@ impl ViewerApp {
             },
             lamp: match options.settings.light {
                 Lighting::Phong(phong) => phong,
-                Lighting::Headlight => Phong::default(),
+                Lighting::Headlight | Lighting::Sphere(_) => Phong::default(),
             },
             settings: options.settings,
             good: None,

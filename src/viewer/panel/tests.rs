@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::math::camera::Light;
+use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Phong};
 use crate::render::stats::{FrameCounts, OverdrawSummary};
 use crate::viewer::event::{KeyModifiers, KeyboardKey};
@@ -511,7 +512,11 @@ fn every_choice_of_the_panel_is_kept() {
         let light = Lighting::Phong(lamp);
         keep(Settings { light, ..usual });
     }
-    assert_eq!(kept, 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 2 + 6 + 2);
+    for sphere in LitSphere::ALL {
+        let light = Lighting::Sphere(sphere);
+        keep(Settings { light, ..usual });
+    }
+    assert_eq!(kept, 4 + 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 2 + 6 + 2);
 }
 
 #[test]
