@@ -173,7 +173,7 @@ impl OrientedPolygon {
     pub const MOST_CORNERS: usize = 8;
 }
 
-/// What every pass of a frame knows, 464 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 480 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -229,6 +229,8 @@ pub struct FrameConstants {
     pub sphere_colors: [[f32; 4]; 4],
     /// Color of the rim, and its power.
     pub sphere_rim: [f32; 4],
+    /// What the background has more at the lower edge of the picture than at the upper; the last component is 0.
+    pub background_change: [f32; 4],
 }
 
 /// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
@@ -506,6 +508,7 @@ same_layout!(
     sphere_lamps = SPHERE_LAMPS,
     sphere_colors = SPHERE_COLORS,
     sphere_rim = SPHERE_RIM,
+    background_change = BACKGROUND_CHANGE,
 );
 same_layout!(
     ListConstants,

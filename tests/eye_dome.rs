@@ -271,3 +271,47 @@ fn points_without_normals_are_darkened_where_it_is_left_open() {
         }
     }
 }
+
+#[test]
+fn a_background_of_two_colors_lies_behind_what_every_executor_draws() {
+    let Some(device) = Device::open() else { return };
+    let vulkan = Backend::Vulkan(device.gpu().clone());
+    let model = generated(GeneratedShape::Statue, 20_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 0.8);
+    let (top, bottom) = ([0.9, 0.5, 0.1], [0.1, 0.45, 0.3]);
+    for (splat, backend) in [
+        (SplatKind::Square, &vulkan),
+        (SplatKind::Filtered, &vulkan),
+        (SplatKind::Filtered, &Backend::Cpu),
+        (SplatKind::Square, &Backend::Cpu),
+        (SplatKind::Filtered, &Backend::Mirror),
+    ] {
+        let flat = Settings {
+            splat,
+            background: top,
+            ..Settings::default()
+        };
+        let gradient = Settings {
+            background_bottom: Some(bottom),
+            ..flat
+        };
+        let before = picture(backend, &model, &view, &flat).unwrap();
+        let found = picture(backend, &model, &view, &gradient).unwrap();
+        let what = format!("{splat:?} by {}", backend.name());
+        let mut open = 0;
+        for (i, (found, before)) in found.color.iter().zip(&before.color).enumerate() {
+            let down = ((i / SIZE.0 as usize) as f32 + 0.5) / SIZE.1 as f32;
+            let part = 1.0 - f32::from(before[3]) / 255.0;
+            open += usize::from(part > 0.0 && part < 1.0);
+            for c in 0..3 {
+                let gain = part * 255.0 * (bottom[c] - top[c]) * down;
+                let off = (f32::from(found[c]) - f32::from(before[c]) - gain).abs();
+                // Rounded twice, and dithered by half a level.
+                assert!(off <= 1.6, "{what}, {i}: {found:?}, {before:?}");
+            }
+            assert_eq!(found[3], before[3], "{what}: coverage stays");
+        }
+        assert!(splat == SplatKind::Square || open > 100, "{what}: {open}");
+        assert!(found.depth == before.depth, "{what}");
+    }
+}

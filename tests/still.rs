@@ -217,6 +217,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         two_sided: _,
         use_colors: _,
         background: _,
+        background_bottom: _,
         size: _,
         eye_dome: _,
         eye_dome_strength: _,
@@ -283,6 +284,9 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     });
     add("no colors", true, &|s| s.use_colors = false);
     add("background", true, &|s| s.background = [0.2, 0.4, 0.6]);
+    add("gradient", true, &|s| {
+        s.background_bottom = Some([0.2, 0.4, 0.6]);
+    });
     add("metric", true, &|s| s.size = SizeMetric::Nearest);
     add("held cut", true, &|s| s.cut_view = Some(*held));
     add("depth offset", !is_square, &|s| s.depth_offset = Some(0.3));

@@ -48,6 +48,8 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     mat4 sphere_lamps;
     mat4 sphere_colors;
     vec4 sphere_rim;
+    // What the background has more at the lower edge of the picture than at the upper.
+    vec4 background_change;
 } frame;
 
 // The flags of the frames that a pipeline is made for, with FLAGS_ARE_KNOWN; 0: the block says. Where larger parts of a shader

@@ -1,5 +1,6 @@
 //! The options that decide how a model looks, shared by every command that draws.
 
+use super::background::BackgroundArgs;
 use super::color_choice::{ColorByName, ColorChoice};
 use super::darkening::DarkeningArgs;
 use super::error_patches::ErrorArgs;
@@ -276,9 +277,8 @@ pub(crate) struct LookArgs {
     /// Ignore vertex colors
     #[arg(long)]
     no_colors: bool,
-    /// Background: black, white, gray, #rrggbb, or R,G,B with 0 to 255
-    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
-    background: [f32; 3],
+    #[command(flatten)]
+    pub(crate) background: BackgroundArgs,
 }
 
 impl LookArgs {
@@ -394,6 +394,7 @@ impl LookArgs {
                 ));
             }
         }
+        let (background, background_bottom) = self.background.colors()?;
         Ok(Settings {
             method: self.method.into(),
             splat: self.splat.into(),
@@ -465,29 +466,11 @@ impl LookArgs {
             light: self.light.lighting()?,
             two_sided: !self.one_sided,
             use_colors: !self.no_colors,
-            background: self.background,
+            background,
+            background_bottom,
             size: self.size_metric.into(),
             cut_view: None,
         })
-    }
-}
-
-pub(crate) fn parse_color(text: &str) -> Result<[f32; 3], String> {
-    let bytes: Option<Vec<u8>> = match text {
-        "black" => Some(vec![0; 3]),
-        "white" => Some(vec![255; 3]),
-        "gray" | "grey" => Some(vec![128; 3]),
-        _ => match text.strip_prefix('#') {
-            Some(hex) if hex.len() == 6 && hex.is_ascii() => (0..3)
-                .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).ok())
-                .collect(),
-            Some(_) => None,
-            None => text.split(',').map(|p| p.trim().parse().ok()).collect(),
-        },
-    };
-    match bytes.as_deref() {
-        Some(&[r, g, b]) => Ok([r, g, b].map(|c| f32::from(c) / 255.0)),
-        _ => Err("expected black, white, gray, #rrggbb or R,G,B with 0 to 255".into()),
     }
 }
 
@@ -541,16 +524,5 @@ mod tests {
         for wrong in ["--splat rhombus", "gauss", "--steps 3", "--help"] {
             assert!(base.varied(wrong).is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn colors_are_read_as_documented() {
-        assert_eq!(parse_color("#ff0080"), Ok([1.0, 0.0, 128.0 / 255.0]));
-        assert_eq!(parse_color("0,255,0"), Ok([0.0, 1.0, 0.0]));
-        assert!(
-            parse_color("#ff00").is_err()
-                && parse_color("256,0,0").is_err()
-                && parse_color("pink").is_err()
-        );
     }
 }

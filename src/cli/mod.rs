@@ -2,6 +2,7 @@
 //! it with the library. Data goes to standard output, talk to standard error.
 
 mod auto;
+mod background;
 mod bench;
 mod build;
 mod cameras;

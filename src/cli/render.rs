@@ -336,8 +336,15 @@ impl Args {
 
     fn write_picture(&self, picture: &Picture, frame: u32) -> Outcome {
         let name = |path: &PathBuf| numbered(path, frame, self.frames);
+        let has_alpha = self.look.background.is_transparent();
         if let Some(path) = &self.output {
             match (picture, ending(path).as_str()) {
+                (Picture::Single(image), "png") if has_alpha => {
+                    image.save_transparent_png(&name(path))?;
+                }
+                (Picture::Mean(mean), "png") if has_alpha => {
+                    mean.save_transparent_png(&name(path))?;
+                }
                 (Picture::Single(image), "png") => image.save_png(&name(path))?,
                 (Picture::Single(image), _) => image.save_exr(&name(path))?,
                 (Picture::Mean(mean), "png") => mean.to_image().save_png(&name(path))?,
@@ -393,6 +400,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     args.check()?;
     args.auto.check(args.look.is_auto())?;
     args.look.darkening.to_be_looked_at();
+    args.look.background.may_be_transparent = true;
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings_to_choose()?;
     if args.samples.is_some_and(|samples| samples > 1) && settings.color_by == ColorBy::Overdraw {

@@ -4,6 +4,7 @@ use crate::abi::{FrameConstants, constants};
 use crate::math::camera::{Light, View};
 use crate::pack::lit_sphere::SphereLights;
 use crate::pack::{ColorBy, Lighting, Phong, Source, falsecolor};
+use crate::render::backdrop::BackgroundGradient;
 use crate::render::model_facts::DrawnFacts;
 use crate::render::{AmbientOcclusion, EyeDome, Settings, screen_bounds};
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
@@ -250,6 +251,11 @@ pub(crate) fn frame_constants(
         sphere_lamps,
         sphere_colors,
         sphere_rim,
+        background_change: {
+            let gradient = BackgroundGradient::of(settings);
+            let [red, green, blue] = gradient.map_or([0.0; 3], |gradient| gradient.change);
+            [red, green, blue, 0.0]
+        },
     }
 }
 

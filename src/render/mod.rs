@@ -4,6 +4,7 @@
 //! every technique by the hardware rasterizer and by compute; [`cpu`] is the fast renderer of the processor;
 //! [`mod@reference`] is exact and slow, and the oracle of the tests.
 
+pub(crate) mod backdrop;
 pub(crate) mod backend_choice;
 pub(crate) mod capabilities;
 pub(crate) mod compute_limits;

@@ -291,6 +291,9 @@ pub struct Settings {
     pub use_colors: bool,
     /// Background, red green blue in 0..=1.
     pub background: [f32; 3],
+    /// Background at the lower edge of the picture, where it is not the same everywhere: what lies between changes evenly, and
+    /// is dithered.
+    pub background_bottom: Option<[f32; 3]>,
     /// What "projected diameter" means.
     pub size: SizeMetric,
     /// Draw the cut of this view, held while the camera looks at it from elsewhere; none: that of the view which is drawn.
@@ -331,6 +334,7 @@ impl Default for Settings {
             two_sided: true,
             use_colors: true,
             background: [0.0; 3],
+            background_bottom: None,
             size: SizeMetric::Exact,
             cut_view: None,
         }

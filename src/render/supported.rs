@@ -60,6 +60,14 @@ pub fn check(settings: &Settings, outputs: PictureOutputs, max_size_px: f32) -> 
         });
     }
     check_ambient_occlusion(settings)?;
+    if settings.background_bottom.is_some()
+        && (settings.shows_photos() || settings.color_by == ColorBy::Overdraw)
+    {
+        return Err(Error::Unsupported {
+            what: "a background of two colors",
+            why: "photographs and overdraw have one behind them; give one --background".into(),
+        });
+    }
     let is_device = max_size_px.is_finite();
     if settings.drawn_vertex_splats().is_some() {
         return check_vertex_splats(settings);

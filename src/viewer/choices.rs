@@ -206,11 +206,22 @@ pub const COLORS_BY: &[NamedChoice<ColorBy>] = &[
     ),
 ];
 
+/// The color behind the model, and that at the lower edge where it is another.
+pub type BackgroundColors = ([f32; 3], Option<[f32; 3]>);
+
 /// The backgrounds that a key goes through.
-pub const BACKGROUNDS: &[NamedChoice<[f32; 3]>] = &[
-    ([0.0; 3], "black", "Black"),
-    ([128.0 / 255.0; 3], "gray", "Gray"),
-    ([1.0; 3], "white", "White"),
+pub const BACKGROUNDS: &[NamedChoice<BackgroundColors>] = &[
+    (([0.0; 3], None), "black", "Black"),
+    (([128.0 / 255.0; 3], None), "gray", "Gray"),
+    (([1.0; 3], None), "white", "White"),
+    (
+        (
+            [96.0 / 255.0, 108.0 / 255.0, 124.0 / 255.0],
+            Some([24.0 / 255.0, 26.0 / 255.0, 30.0 / 255.0]),
+        ),
+        "gradient",
+        "Bluish gray above, nearly black below",
+    ),
 ];
 
 /// Times that frames are held to while the camera moves, milliseconds.
@@ -279,7 +290,7 @@ mod tests {
         names(BACKGROUNDS);
         names(FRAME_TIMES);
         assert_eq!(named(SPLATS, "needle"), None);
-        assert_eq!(name_of(BACKGROUNDS, [0.1; 3]), "other");
+        assert_eq!(name_of(BACKGROUNDS, ([0.1; 3], None)), "other");
     }
 
     #[test]
@@ -292,6 +303,6 @@ mod tests {
             others(SPLATS, SplatKind::Square, true)[0],
             SplatKind::Filtered
         );
-        assert_eq!(others(BACKGROUNDS, [0.3; 3], false).len(), 3);
+        assert_eq!(others(BACKGROUNDS, ([0.3; 3], None), false).len(), 4);
     }
 }

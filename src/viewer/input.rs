@@ -70,7 +70,7 @@ pub const KEYS: &[KeyGroup] = &[
                 "[ ]",
                 "look from where the previous or next photograph was taken",
             ),
-            ("I", "background: black, gray, white"),
+            ("I", "background: black, gray, white, gradient"),
             ("B", "culling of what faces away"),
             ("Shift B", "darken what lies behind its neighbors"),
             ("Shift A", "darken what lies deep between its surroundings"),
@@ -88,7 +88,7 @@ pub const KEYS: &[KeyGroup] = &[
     (
         "Light",
         &[
-            ("L", "next light: in the eye, parallel, a lamp"),
+            ("L", "next light: eye, parallel, lamp, studio, materials"),
             (
                 "Shift L",
                 "the lamp goes with the viewer, or stays in the world",

@@ -62,6 +62,9 @@ pub struct StoredLook {
     colors: bool,
     color_by: String,
     background: [u8; 3],
+    /// Color at the lower edge, where it is another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    background_bottom: Option<[u8; 3]>,
     light: String,
     /// Azimuth and elevation of a lamp that goes with the viewer, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -95,6 +98,11 @@ impl Default for StoredLook {
             ..Settings::default()
         })
     }
+}
+
+/// A color as the file has it.
+fn bytes(color: [f32; 3]) -> [u8; 3] {
+    color.map(|c| (c * 255.0).round() as u8)
 }
 
 impl StoredLook {
@@ -135,7 +143,8 @@ impl StoredLook {
             two_sided: settings.two_sided,
             colors: settings.use_colors,
             color_by: name_of(choices::COLORS_BY, settings.color_by).into(),
-            background: settings.background.map(|c| (c * 255.0).round() as u8),
+            background: bytes(settings.background),
+            background_bottom: settings.background_bottom.map(bytes),
         }
     }
 
@@ -188,6 +197,8 @@ impl StoredLook {
             use_colors: self.colors,
             color_by: choice("color_by", choices::COLORS_BY, &self.color_by)?,
             background: self.background.map(|c| f32::from(c) / 255.0),
+            background_bottom: (self.background_bottom)
+                .map(|color| color.map(|c| f32::from(c) / 255.0)),
             ..Settings::default()
         })
     }
@@ -368,6 +379,7 @@ mod tests {
             use_colors: false,
             color_by: ColorBy::Primitive,
             background: [1.0, 0.2, 0.0],
+            background_bottom: Some([0.0, 0.2, 0.4]),
             size: SizeMetric::Area,
             light: Lighting::Phong(Phong {
                 lamp: lamp::from_camera(-123.4, 56.7),

@@ -13,6 +13,7 @@ use crate::pack::small_triangles;
 use crate::pack::small_triangles::LargeTriangles;
 use crate::pack::splats::Plan;
 use crate::patches::PatchRaster;
+use crate::render::backdrop::BackgroundGradient;
 use crate::render::cpu::ambient_occlusion::AmbientOcclusionLook;
 use crate::render::cpu::darken::DrawnRectangle;
 use crate::render::cpu::eye_dome::EyeDome;
@@ -87,6 +88,8 @@ pub struct CpuRenderer {
     rect_px: [u32; 4],
     eye_dome: EyeDome,
     ambient_occlusion: AmbientOcclusionLook,
+    /// That of the last frame.
+    gradient: Option<BackgroundGradient>,
 }
 
 /// What of a frame is drawn, counted.
@@ -127,6 +130,7 @@ impl CpuRenderer {
             rect_px: [0; 4],
             eye_dome: EyeDome::default(),
             ambient_occlusion: AmbientOcclusionLook::default(),
+            gradient: None,
         }
     }
 
@@ -221,6 +225,13 @@ impl CpuRenderer {
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
         self.look(plan, &mut pixels);
+        self.gradient = BackgroundGradient::of(settings);
+        if let Some(gradient) = &self.gradient {
+            let size = self.size.map(|side| side as usize);
+            gradient.put_behind_words(pixels.words, pixels.pitch, size);
+            let [width, height] = self.size;
+            *area = DrawnArea::unknown(width, height);
+        }
         packing.end(&mut times);
         times.host_ms = times.pack_ms;
         times.counts = FrameCounts {
@@ -559,13 +570,17 @@ impl CpuRenderer {
             }
             false => Vec::new(),
         };
+        let mut values = self.planes.whole_values(self.size);
+        if let Some(gradient) = &self.gradient {
+            gradient.put_behind_values(&mut values, self.size.map(|side| side as usize));
+        }
         Image {
             width,
             height,
             color,
             depth,
             normal: self.planes.whole_normals(self.size),
-            values: self.planes.whole_values(self.size),
+            values,
         }
     }
 }

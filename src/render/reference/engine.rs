@@ -9,6 +9,7 @@ use crate::pack::falsecolor::depth_range;
 use crate::pack::splats::Record;
 use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, Style};
 use crate::render::PictureOutputs;
+use crate::render::backdrop::BackgroundGradient;
 use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::{eye_dome_exponent, openness_power};
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
@@ -265,6 +266,9 @@ impl MirrorEngine {
         }
         if is_darkened && !self.outputs.depth {
             self.image.depth = Vec::new();
+        }
+        if let Some(gradient) = BackgroundGradient::of(settings) {
+            gradient.put_behind(&mut self.image);
         }
         self.counts = (settings.color_by == ColorBy::Overdraw)
             .then(|| crate::render::reference::count_overdraw(view, list, style));

@@ -4,7 +4,7 @@ use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::{Error, Gpu};
 use crate::render::frame_plan::FramePlan;
-use crate::render::vulkan::darken::{DarkenPass, DarkenRule};
+use crate::render::vulkan::look_pass::{LookPass, LookRule};
 use crate::render::vulkan::photos::DevicePhotos;
 use crate::render::vulkan::photos::pass::PhotoPass;
 use crate::render::vulkan::targets::FrameTargets;
@@ -14,9 +14,9 @@ use std::sync::Arc;
 #[derive(Debug, Default)]
 pub(super) struct PictureLooks {
     /// One after the other, each with whether the last frame had it.
-    darkened: [(Option<DarkenPass>, bool); 2],
+    passes: [(Option<LookPass>, bool); 3],
     photos: Option<PhotoPass>,
-    /// The last frame had photographs; it is not darkened then.
+    /// The last frame had photographs; it has no other look then.
     has_photos: bool,
 }
 
@@ -44,13 +44,20 @@ impl PictureLooks {
         }
         let constants = &plan.constants;
         let rules = [
-            (DarkenRule::AmbientOcclusion, constants.ambient_occlusion),
-            (DarkenRule::EyeDome, constants.eye_dome),
+            (
+                LookRule::AmbientOcclusion,
+                constants.ambient_occlusion > 0.0,
+            ),
+            (LookRule::EyeDome, constants.eye_dome > 0.0),
+            (
+                LookRule::Background,
+                plan.settings.background_bottom.is_some(),
+            ),
         ];
-        for ((pass, is_on), (rule, strength)) in self.darkened.iter_mut().zip(rules) {
-            *is_on = strength > 0.0;
+        for ((pass, is_on), (rule, is_wanted)) in self.passes.iter_mut().zip(rules) {
+            *is_on = is_wanted;
             if *is_on && pass.is_none() {
-                *pass = Some(DarkenPass::new(rule, gpu, targets)?);
+                *pass = Some(LookPass::new(rule, gpu, targets)?);
             }
         }
         Ok(())
@@ -60,9 +67,7 @@ impl PictureLooks {
     #[cfg(feature = "viewer")]
     pub(super) fn forget(&mut self) {
         self.has_photos = false;
-        self.darkened
-            .iter_mut()
-            .for_each(|(_, is_on)| *is_on = false);
+        self.passes.iter_mut().for_each(|(_, is_on)| *is_on = false);
     }
 
     /// Records the looks of a frame, whose technique is recorded.
@@ -80,22 +85,22 @@ impl PictureLooks {
             pass.record(frame, targets, plan, constants)?;
         }
         let mut picture = targets.color();
-        for pass in self.darkening() {
+        for pass in self.present_passes() {
             pass.record(frame, (picture, targets), &plan.context, constants);
             picture = pass.picture();
         }
         Ok(())
     }
 
-    /// The passes of the last frame that darken, in order.
-    fn darkening(&self) -> impl Iterator<Item = &DarkenPass> {
-        let passes = self.darkened.iter().filter(|(_, is_on)| *is_on);
+    /// The passes of the last frame, in order.
+    fn present_passes(&self) -> impl Iterator<Item = &LookPass> {
+        let passes = self.passes.iter().filter(|(_, is_on)| *is_on);
         passes.filter_map(|(pass, _)| pass.as_ref())
     }
 
     /// The picture of the last frame, as its looks left it.
     pub(super) fn picture<'a>(&'a self, targets: &'a FrameTargets) -> &'a Target {
-        match (self.darkening().last(), &self.photos) {
+        match (self.present_passes().last(), &self.photos) {
             (_, Some(pass)) if self.has_photos => pass.picture(),
             (Some(pass), _) => pass.picture(),
             _ => targets.color(),

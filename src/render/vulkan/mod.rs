@@ -2,7 +2,6 @@
 //! `shaders` under the name of the pass.
 
 pub mod blended;
-pub(crate) mod darken;
 pub(crate) mod device_cut;
 pub(crate) mod device_textures;
 pub(crate) mod device_tree;
@@ -10,6 +9,7 @@ pub(crate) mod draw_lists;
 pub(crate) mod expand_ids;
 pub(crate) mod expanded_lists;
 pub(crate) mod look;
+pub(crate) mod look_pass;
 pub mod opaque;
 pub mod overdraw;
 mod page_pool;

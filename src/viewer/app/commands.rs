@@ -101,9 +101,13 @@ impl ViewerApp {
             }),
             Command::Background => {
                 let list = choices::BACKGROUNDS;
-                self.step(list, old.background, false, |background| Settings {
-                    background,
-                    ..old
+                let now = (old.background, old.background_bottom);
+                self.step(list, now, false, |(background, background_bottom)| {
+                    Settings {
+                        background,
+                        background_bottom,
+                        ..old
+                    }
                 });
             }
             Command::SizeMetric => self.step(choices::METRICS, old.size, false, |size| Settings {

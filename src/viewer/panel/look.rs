@@ -38,18 +38,15 @@ pub(super) fn show(ui: &mut Ui, settings: &mut Settings, light: &mut LightKind) 
             &mut settings.color_by,
             "What decides the color (C, Shift C)",
         );
-        let tip = "Color behind the model (I: black, gray, white)";
+        let tip = "Color behind the model (I: black, gray, white, gradient)";
         ui.label("background").on_hover_text(tip);
         ui.horizontal(|ui| {
-            let mut color = settings.background.map(|c| (c * 255.0).round() as u8);
-            if ui
-                .color_edit_button_srgb(&mut color)
-                .on_hover_text(tip)
-                .changed()
-            {
-                settings.background = color.map(|c| f32::from(c) / 255.0);
+            color(ui, &mut settings.background, tip);
+            if let Some(bottom) = &mut settings.background_bottom {
+                color(ui, bottom, "Color at the lower edge (I)");
             }
-            ui.label(name_of(choices::BACKGROUNDS, settings.background));
+            let colors = (settings.background, settings.background_bottom);
+            ui.label(name_of(choices::BACKGROUNDS, colors));
         });
         ui.end_row();
     });
@@ -59,4 +56,12 @@ pub(super) fn show(ui: &mut Ui, settings: &mut Settings, light: &mut LightKind) 
         ui.checkbox(&mut settings.use_colors, "vertex colors")
             .on_hover_text("Multiply by the colors of the vertices (V)");
     });
+}
+
+fn color(ui: &mut Ui, color: &mut [f32; 3], tip: &str) {
+    let mut bytes = color.map(|c| (c * 255.0).round() as u8);
+    let button = ui.color_edit_button_srgb(&mut bytes).on_hover_text(tip);
+    if button.changed() {
+        *color = bytes.map(|c| f32::from(c) / 255.0);
+    }
 }

@@ -502,9 +502,10 @@ fn every_choice_of_the_panel_is_kept() {
     for &(color_by, ..) in choices::COLORS_BY {
         keep(Settings { color_by, ..usual });
     }
-    for &(background, ..) in choices::BACKGROUNDS {
+    for &((background, background_bottom), ..) in choices::BACKGROUNDS {
         keep(Settings {
             background,
+            background_bottom,
             ..usual
         });
     }
@@ -516,7 +517,7 @@ fn every_choice_of_the_panel_is_kept() {
         let light = Lighting::Sphere(sphere);
         keep(Settings { light, ..usual });
     }
-    assert_eq!(kept, 4 + 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 2 + 6 + 2);
+    assert_eq!(kept, 4 + 1 + 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 2 + 6 + 2);
 }
 
 #[test]

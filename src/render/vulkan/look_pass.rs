@@ -1,5 +1,5 @@
-//! Passes over the finished picture that darken pixels by the depths around them: eye-dome lighting and ambient occlusion. They
-//! work with every technique, since all leave colors and depths.
+//! Passes over the finished picture: those that darken pixels by the depths around them (eye-dome lighting and ambient occlusion),
+//! and the background that changes from top to bottom. They work with every technique, since all leave colors and depths.
 
 use crate::abi::{Shader, shaders};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
@@ -14,28 +14,31 @@ use crate::render::vulkan::targets::color_formats;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
 
-/// Which pixels such a pass darkens.
+/// What such a pass changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum DarkenRule {
-    /// Those that lie behind their neighbors.
+pub(crate) enum LookRule {
+    /// Pixels that lie behind their neighbors are darkened.
     EyeDome,
-    /// Those whose sky is hidden by what is around them.
+    /// Pixels whose sky is hidden by what is around them are darkened.
     AmbientOcclusion,
+    /// The background changes from top to bottom.
+    Background,
 }
 
 /// The pipeline and the picture that it makes.
 #[derive(Debug)]
-pub(crate) struct DarkenPass {
-    rule: DarkenRule,
+pub(crate) struct LookPass {
+    rule: LookRule,
     pipeline: ShaderPipeline,
     picture: Target,
 }
 
-impl DarkenRule {
+impl LookRule {
     fn name(self) -> &'static str {
         match self {
             Self::EyeDome => "look.eye_dome",
             Self::AmbientOcclusion => "look.ambient_occlusion",
+            Self::Background => "look.background",
         }
     }
 
@@ -43,16 +46,17 @@ impl DarkenRule {
         match self {
             Self::EyeDome => &shaders::LOOK_EYE_DOME_FRAG,
             Self::AmbientOcclusion => &shaders::LOOK_AMBIENT_OCCLUSION_FRAG,
+            Self::Background => &shaders::LOOK_BACKGROUND_FRAG,
         }
     }
 }
 
-impl DarkenPass {
+impl LookPass {
     /// For pictures like those of `of`.
     ///
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
-    pub(crate) fn new(rule: DarkenRule, gpu: &Arc<Gpu>, of: &FrameTargets) -> Result<Self, Error> {
+    pub(crate) fn new(rule: LookRule, gpu: &Arc<Gpu>, of: &FrameTargets) -> Result<Self, Error> {
         let color = of.color();
         let description = PipelineDescription {
             name: rule.name(),
@@ -68,17 +72,11 @@ impl DarkenPass {
         Ok(Self {
             rule,
             pipeline: ShaderPipeline::new(gpu, &description)?,
-            picture: Target::new(
-                gpu,
-                "darkened color",
-                color.format,
-                color.width,
-                color.height,
-            )?,
+            picture: Target::new(gpu, "looked color", color.format, color.width, color.height)?,
         })
     }
 
-    /// Records the pass, which reads a picture and the depth of the targets.
+    /// Records the pass, which reads a picture, and to darken it the depth of the targets.
     pub(crate) fn record(
         &self,
         frame: &mut FrameRecorder<'_>,
@@ -91,11 +89,15 @@ impl DarkenPass {
             .pass(self.rule.name())
             .color(&self.picture, TargetLoad::Clear([r, g, b, 0.0]));
         let (uniforms, images) = ([constants], [picture, targets.depth()]);
-        let screen = ScreenDraw::of_images(&self.pipeline, &uniforms, &images);
-        raster_pass::full_screen(pass, &screen, context.rect_px);
+        let (images, rect_px) = match self.rule {
+            LookRule::Background => (&images[..1], context.whole_px()),
+            LookRule::EyeDome | LookRule::AmbientOcclusion => (&images[..], context.rect_px),
+        };
+        let screen = ScreenDraw::of_images(&self.pipeline, &uniforms, images);
+        raster_pass::full_screen(pass, &screen, rect_px);
     }
 
-    /// The darkened picture of the last frame that was.
+    /// The picture of the last frame that had this pass.
     pub(crate) fn picture(&self) -> &Target {
         &self.picture
     }
