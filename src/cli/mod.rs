@@ -19,6 +19,7 @@ mod generate;
 mod info;
 mod light;
 mod look;
+mod mark_args;
 mod motion;
 mod patches;
 mod photo_args;

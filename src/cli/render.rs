@@ -6,6 +6,7 @@ use super::cameras::{
 };
 use super::costs::costs_of;
 use super::look::LookArgs;
+use super::mark_args::MarkArgs;
 use super::photo_args::{PhotoArgs, StagedScene, camera_of};
 use super::progress::{Bar, is_interrupted};
 use super::source::{ColorArgs, PageArgs, Source};
@@ -14,7 +15,7 @@ use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
-use surfel::image::{FloatImage, Image};
+use surfel::image::{FloatImage, Image, PictureMarks};
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::engine::{Backend, Engine};
@@ -190,6 +191,8 @@ pub(crate) struct Args {
     save_camera: Option<PathBuf>,
     #[command(flatten)]
     look: LookArgs,
+    #[command(flatten)]
+    marks: MarkArgs,
     #[command(flatten)]
     auto: AutoArgs,
     #[command(flatten)]
@@ -388,6 +391,16 @@ enum Picture {
     Mean(FloatImage),
 }
 
+impl Picture {
+    /// Draws marks over it. Depth, normals and coverage stay as they are.
+    fn mark(&mut self, marks: &PictureMarks) {
+        match self {
+            Self::Single(image) => marks.draw_over_bytes(image),
+            Self::Mean(mean) => marks.draw_over(mean),
+        }
+    }
+}
+
 /// Frames drawn before the first that counts when times are asked for: shaders are compiled at the first draw.
 const WARM_UP: u32 = 2;
 
@@ -526,7 +539,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             ));
         }
         if args.wants_picture() {
-            let picture = match args.samples {
+            let mut picture = match args.samples {
                 None if is_smooth => Picture::Mean(engine.smooth(view, &settings)?),
                 None | Some(1) => Picture::Single(engine.read(view)?),
                 Some(samples) => {
@@ -534,6 +547,10 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
                     Picture::Mean(engine.supersample(view, &settings, k)?)
                 }
             };
+            let center = (sphere.center - ready.model.origin).as_vec3();
+            let unit = ready.format.unit().filter(|_| others.is_empty());
+            let marks = PictureMarks::new(view, args.marks.choice(), center, unit);
+            picture.mark(&marks);
             args.write_picture(&picture, index as u32)?;
         }
         bar.advance(1);

@@ -8,6 +8,7 @@ mod accumulate;
 mod channels;
 mod compare;
 mod file;
+mod marks;
 mod read;
 mod sheet;
 
@@ -17,6 +18,7 @@ pub use channels::{
 };
 pub use compare::{Difference, Figures, compare, difference_picture};
 pub(crate) use file::write;
+pub use marks::{BarLength, MarkChoice, MarkLine, MarkText, PictureMarks};
 pub use sheet::contact_sheet;
 
 use std::path::PathBuf;

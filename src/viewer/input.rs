@@ -71,6 +71,7 @@ pub const KEYS: &[KeyGroup] = &[
                 "look from where the previous or next photograph was taken",
             ),
             ("I", "background: black, gray, white, gradient"),
+            ("Shift Z, Shift X", "scale bar; axes"),
             ("B", "culling of what faces away"),
             ("Shift B", "darken what lies behind its neighbors"),
             ("Shift A", "darken what lies deep between its surroundings"),
@@ -193,6 +194,10 @@ pub enum Command {
     EyeDome,
     /// The next kind of ambient occlusion.
     AmbientOcclusion,
+    /// Switch the bar that tells lengths.
+    ScaleBar,
+    /// Switch the axes.
+    Axes,
     /// The next (1) or previous (-1) coloring.
     ColorBy(i32),
     /// Switch photographs on the model.
@@ -322,6 +327,8 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
             'a' => Command::Method(Method::Triangles),
             's' => Command::Method(Method::Points),
             'd' => Command::Method(Method::Pop),
+            'x' if modifiers.shift => Command::Axes,
+            'z' if modifiers.shift => Command::ScaleBar,
             'x' => Command::Method(Method::Splats),
             'n' => Command::Splat(if modifiers.shift { -1 } else { 1 }),
             'm' => Command::Blend,

@@ -7,6 +7,7 @@ use super::help::ACCENT;
 use super::input::Command;
 use super::lamp::LightKind;
 use super::text::count;
+use crate::image::MarkChoice;
 use crate::pack::{ColorBy, Lighting};
 use crate::render::stats::FrameCounts;
 use crate::render::stats::OverdrawSummary;
@@ -57,6 +58,8 @@ pub struct PanelState<'a> {
     pub overdraw: Option<OverdrawSummary>,
     /// The threshold of the last frame, and what is known about the time of frames, where that is controlled.
     pub control: Option<(f32, f64, BudgetReport)>,
+    /// Marks over the picture.
+    pub marks: MarkChoice,
     /// The user flies.
     pub is_flying: bool,
     /// Names of the models, and whether each is drawn.
@@ -129,6 +132,7 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     heading(ui, "Look");
     let mut light = state.light;
     look::show(ui, &mut settings, &mut light);
+    look::marks(ui, state.marks, wishes);
     if settings.color_by == ColorBy::Overdraw {
         legend(ui, state.overdraw);
     }

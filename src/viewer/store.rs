@@ -35,6 +35,10 @@ pub struct StoredWindow {
     pub graph: bool,
     /// Statistics are in the title.
     pub statistics: bool,
+    /// A bar that tells lengths is shown.
+    pub scale_bar: bool,
+    /// The axes are shown.
+    pub axes: bool,
     /// The headlight is parallel, not a point in the eye.
     pub parallel_light: bool,
     /// Time that frames are held to while the view moves, milliseconds.
@@ -85,6 +89,8 @@ impl Default for StoredWindow {
             panel: true,
             graph: false,
             statistics: true,
+            scale_bar: false,
+            axes: false,
             parallel_light: false,
             frame_ms: None,
         }
@@ -396,6 +402,8 @@ mod tests {
                 panel: false,
                 graph: true,
                 statistics: false,
+                scale_bar: true,
+                axes: true,
                 parallel_light: true,
                 frame_ms: Some(33.0),
             },

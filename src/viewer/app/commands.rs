@@ -126,6 +126,8 @@ impl ViewerApp {
                     }
                 });
             }
+            Command::ScaleBar => self.marks.scale_bar = !self.marks.scale_bar,
+            Command::Axes => self.marks.axes = !self.marks.axes,
             Command::Culling => self.wish(Settings {
                 culling: if old.culls_back(is_closed) {
                     Culling::Off
@@ -342,7 +344,8 @@ impl ViewerApp {
 
     /// Writes the picture, without what covers it.
     pub(in crate::viewer) fn save(&mut self, path: &Path) -> Result<(), Error> {
-        if let Some(image) = self.screen.read()? {
+        if let Some(mut image) = self.screen.read()? {
+            self.picture_marks().draw_over_bytes(&mut image);
             image.save_png(path)?;
         }
         Ok(())
@@ -393,10 +396,13 @@ impl ViewerApp {
             settings.threshold_px = self.held_px;
         }
         match self.screen.photo(&settings, &camera) {
-            Ok(Some(image)) => match image.save_png(&path) {
-                Ok(()) => self.inform(&format!("wrote {}", path.display())),
-                Err(error) => self.warn(&error.to_string()),
-            },
+            Ok(Some(mut image)) => {
+                self.marks_of(&camera).draw_over_bytes(&mut image);
+                match image.save_png(&path) {
+                    Ok(()) => self.inform(&format!("wrote {}", path.display())),
+                    Err(error) => self.warn(&error.to_string()),
+                }
+            }
             Ok(None) => {}
             // A device that was lost is noticed by the next frame.
             Err(error) if way_after(&error) == RecoveryWay::End => return Err(error.into()),

@@ -1,8 +1,10 @@
 //! The rows of the panel that say how surfaces look.
 
-use super::choose;
+use super::{PanelWish, choose};
+use crate::image::MarkChoice;
 use crate::render::Settings;
 use crate::viewer::choices::{self, name_of};
+use crate::viewer::input::Command;
 use crate::viewer::lamp::{KINDS, LightKind};
 use egui::{Grid, Ui};
 
@@ -64,4 +66,29 @@ fn color(ui: &mut Ui, color: &mut [f32; 3], tip: &str) {
     if button.changed() {
         *color = bytes.map(|c| f32::from(c) / 255.0);
     }
+}
+
+/// Lets the user switch marks over the picture.
+pub(super) fn marks(ui: &mut Ui, shown: MarkChoice, wishes: &mut Vec<PanelWish>) {
+    ui.horizontal(|ui| {
+        for (is_on, name, command, tip) in [
+            (
+                shown.scale_bar,
+                "scale bar",
+                Command::ScaleBar,
+                "A bar of a round length, as long as that is at the middle of the model (Shift Z)",
+            ),
+            (
+                shown.axes,
+                "axes",
+                Command::Axes,
+                "The directions of x, y and z (Shift X)",
+            ),
+        ] {
+            let mut is_on = is_on;
+            if ui.checkbox(&mut is_on, name).on_hover_text(tip).changed() {
+                wishes.push(PanelWish::Command(command));
+            }
+        }
+    });
 }

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use super::*;
+use crate::image::MarkChoice;
 use crate::math::camera::Light;
 use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Phong};
@@ -189,6 +190,7 @@ fn state<'a>(settings: &'a Settings, facts: &'a PanelFacts) -> PanelState<'a> {
         counts: FrameCounts::default(),
         overdraw: None,
         control: None,
+        marks: MarkChoice::default(),
         is_flying: false,
         parts: Vec::new(),
         photographs: None,
