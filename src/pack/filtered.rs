@@ -54,7 +54,7 @@ use crate::pack::filtered::projection::Projection;
 use crate::pack::filtered::strip_batches::{Group, RowGroup};
 use crate::pack::filtered::triangle_patches::{Triangle, piece_color, triangle_of};
 use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
-use crate::pack::lit_sphere::{SeenSurface, SphereLights};
+use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
 use crate::pack::parallel::Sink;
 use crate::pack::{ColorBy, Lighting, Phong, Source};
@@ -147,7 +147,7 @@ impl Eye<'_> {
             let axes = [self.right, self.up, back];
             Vec3::from(axes.map(|axis| axis.dot(direction)))
         };
-        let surface = SeenSurface {
+        let surface = LitSurface {
             normal: in_view(self.normal(patch)),
             to_eye: in_view(v),
             culls_back: self.shade.cull_back,

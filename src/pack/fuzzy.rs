@@ -15,7 +15,7 @@ use crate::abi::{FuzzySplat, WeightedSplat};
 use crate::cut::Cut;
 use crate::math::camera::{Light, View};
 use crate::pack::light::{Lighting, Phong, Source};
-use crate::pack::lit_sphere::{SeenSurface, SphereLights};
+use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
 use crate::pack::parallel::Sink;
 use crate::pack::splats::{Named, Out, Packed, Plan, Record as _, Writer, count, parts_of};
@@ -467,7 +467,7 @@ impl<'a> Eye<'a> {
     fn in_lamps(&self, place: (Vec3, Vec3), normal: Option<Vec3>, color: Vec3) -> Vec3 {
         match (&self.sphere, &self.lamp) {
             (Some(sphere), _) => {
-                let surface = SeenSurface {
+                let surface = LitSurface {
                     normal: normal.unwrap_or(Vec3::ZERO),
                     to_eye: match self.is_perspective {
                         true => place.1,

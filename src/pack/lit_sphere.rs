@@ -15,8 +15,7 @@
 //! that a sphere anywhere in the picture is lit as one in its middle.
 
 use crate::abi::FrameConstants;
-use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
-use crate::pack::ALBEDO;
+use crate::abi::constants::{ALBEDO, FULL_HIGHLIGHT, LEAST_BACK};
 use glam::{Vec3, Vec4};
 
 /// A light with a material.
@@ -57,7 +56,7 @@ pub struct SphereLights {
 
 /// How a surface shows itself to the eye.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct SeenSurface {
+pub(crate) struct LitSurface {
     /// Unit, in view space; zero where there is none: it counts as facing the eye.
     pub(crate) normal: Vec3,
     /// Unit vector to the eye, in view space.
@@ -163,8 +162,8 @@ impl SphereLights {
     }
 
     /// Red, green and blue of a surface of this color, 1 is white.
-    pub(crate) fn value(&self, surface: &SeenSurface, color: Vec3) -> Vec3 {
-        let SeenSurface { normal, to_eye, .. } = *surface;
+    pub(crate) fn value(&self, surface: &LitSurface, color: Vec3) -> Vec3 {
+        let LitSurface { normal, to_eye, .. } = *surface;
         let is_back = !surface.culls_back && normal.dot(to_eye) < -LEAST_BACK;
         // The side that is seen is the other one; lit from the front only, it has no light of the lamps.
         let side = match (is_back, surface.two_sided) {
@@ -217,8 +216,8 @@ fn towards_eye(v: Vec3, to_eye: Vec3) -> Vec3 {
 mod tests {
     use super::*;
 
-    fn seen(normal: Vec3, to_eye: Vec3) -> SeenSurface {
-        SeenSurface {
+    fn seen(normal: Vec3, to_eye: Vec3) -> LitSurface {
+        LitSurface {
             normal,
             to_eye,
             culls_back: false,
@@ -262,7 +261,7 @@ mod tests {
         // Without a normal and from behind it is the same.
         assert_eq!(found, lights.value(&seen(Vec3::ZERO, Vec3::Z), Vec3::ONE));
         assert_eq!(found, lights.value(&seen(-Vec3::Z, Vec3::Z), Vec3::ONE));
-        let one_sided = SeenSurface {
+        let one_sided = LitSurface {
             two_sided: false,
             ..seen(-Vec3::Z, Vec3::Z)
         };

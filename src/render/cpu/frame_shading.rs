@@ -8,7 +8,7 @@ use crate::abi::constants::{
     FLAG_USE_COLORS, FULL_HIGHLIGHT, LEAST_BACK,
 };
 use crate::abi::{FrameConstants, OrientedPolygon, Splat};
-use crate::pack::lit_sphere::{SeenSurface, SphereLights};
+use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::{ALBEDO, falsecolor};
 use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 
@@ -235,7 +235,7 @@ impl FrameShading {
             let [near, far] = self.depth_range;
             falsecolor::ramp((far + at.z) / (far - near)).into()
         } else if self.has(FLAG_LIT_SPHERE) {
-            let surface = SeenSurface {
+            let surface = LitSurface {
                 normal,
                 to_eye: self.to_eye(at),
                 culls_back: self.has(FLAG_CULLS_BACK),

@@ -1,5 +1,6 @@
 //! Whole frames on the processor: cut, pack and draw, triangles of any size included. No device is needed.
 
+mod looks;
 mod polygons;
 mod surfaces;
 
@@ -15,7 +16,6 @@ use crate::pack::splats::Plan;
 use crate::patches::PatchRaster;
 use crate::render::backdrop::BackgroundGradient;
 use crate::render::cpu::ambient_occlusion::AmbientOcclusionLook;
-use crate::render::cpu::darken::DrawnRectangle;
 use crate::render::cpu::eye_dome::EyeDome;
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
@@ -224,14 +224,7 @@ impl CpuRenderer {
             _ if self.needs_surfaces(settings) => self.draw_surfaces(&frame, &light, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
-        self.look(plan, &mut pixels);
-        self.gradient = BackgroundGradient::of(settings);
-        if let Some(gradient) = &self.gradient {
-            let size = self.size.map(|side| side as usize);
-            gradient.put_behind_words(pixels.words, pixels.pitch, size);
-            let [width, height] = self.size;
-            *area = DrawnArea::unknown(width, height);
-        }
+        self.look(plan, &mut pixels, area);
         packing.end(&mut times);
         times.host_ms = times.pack_ms;
         times.counts = FrameCounts {
@@ -250,29 +243,6 @@ impl CpuRenderer {
         self.drawn = Some(key);
         self.last_times = times.clone();
         times
-    }
-
-    /// Darkens the picture by its depths, where that is asked for.
-    fn look(&mut self, plan: &FramePlan, pixels: &mut PixelWords<'_>) {
-        let constants = &plan.constants;
-        let rect_px = plan.context.rect_px;
-        let [left, _, right, _] = rect_px;
-        let rect_pixels = screen_bounds::pixels(rect_px) as usize;
-        let pitch = pixels.pitch;
-        let mut picture = DrawnRectangle {
-            colors: pixels.from(rect_px),
-            pitch,
-            depths: &self.depths[..rect_pixels],
-            width: (right - left) as usize,
-        };
-        let values = self.planes.planes().values;
-        if constants.ambient_occlusion > 0.0 {
-            let picture = picture.again();
-            (self.ambient_occlusion).darken(constants, picture, values);
-        }
-        if constants.eye_dome > 0.0 {
-            self.eye_dome.darken(constants, picture.again(), values);
-        }
     }
 
     /// Chooses the cut, unless it is there; tells whether it was chosen.
