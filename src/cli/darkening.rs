@@ -48,7 +48,7 @@ pub(crate) struct DarkeningArgs {
 
 impl DarkeningArgs {
     /// Takes eye-dome lighting of points without normals for what a person looks at, where nothing is said of it.
-    pub(crate) fn to_be_looked_at(&mut self) {
+    pub(crate) fn default_for_people(&mut self) {
         self.eye_dome.get_or_insert(EyeDomeName::Auto);
     }
 

@@ -412,7 +412,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     args.check()?;
     args.auto.check(args.look.is_auto())?;
-    args.look.darkening.to_be_looked_at();
+    args.look.darkening.default_for_people();
     args.look.background.may_be_transparent = true;
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings_to_choose()?;

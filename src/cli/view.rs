@@ -144,7 +144,7 @@ impl From<viewer::Error> for Failure {
 }
 
 pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
-    args.look.darkening.to_be_looked_at();
+    args.look.darkening.default_for_people();
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings()?;
     let gpu = args.device.options();

@@ -142,7 +142,7 @@ impl Eye<'_> {
         v: Vec3,
         color: [f32; 3],
     ) -> [f32; 3] {
-        let back = -Vec3::from(self.forward.truncate());
+        let back = -self.forward.truncate();
         let in_view = |direction: Vec3| {
             let axes = [self.right, self.up, back];
             Vec3::from(axes.map(|axis| axis.dot(direction)))

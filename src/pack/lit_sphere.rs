@@ -201,7 +201,7 @@ impl SphereLights {
     }
 
     /// The part of the light that comes from everywhere, on a surface of this color.
-    pub(crate) fn from_everywhere(&self, color: Vec3) -> Vec3 {
+    pub(crate) fn everywhere_light(&self, color: Vec3) -> Vec3 {
         ALBEDO * color * 0.5 * (self.sky + self.ground)
     }
 }
@@ -246,9 +246,9 @@ mod tests {
         let lights = LitSphere::Studio.lights();
         let cosines = lights.directions.map(|direction| direction.z);
         let mut gloss = 0.0;
-        for i in 0..2 {
+        for (i, cosine) in cosines.iter().enumerate().take(2) {
             // The cosine to the half vector is that of half the angle.
-            let half = (0.5 + 0.5 * cosines[i]).sqrt();
+            let half = (0.5 + 0.5 * cosine).sqrt();
             gloss += lights.specular[i] * half.powf(lights.shininess);
         }
         let diffuse = 0.15 + 0.84 * cosines[0] + 0.24 * cosines[1];
@@ -265,7 +265,7 @@ mod tests {
             two_sided: false,
             ..seen(-Vec3::Z, Vec3::Z)
         };
-        let everywhere = lights.from_everywhere(Vec3::ONE);
+        let everywhere = lights.everywhere_light(Vec3::ONE);
         assert!(lights.value(&one_sided, Vec3::ONE).distance(everywhere) < 1e-6);
         assert!(everywhere.distance(Vec3::splat(0.8 * 0.15)) < 1e-6);
     }

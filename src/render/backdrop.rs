@@ -117,8 +117,8 @@ mod tests {
             let mut sum = [0.0; 3];
             for y in 8 * block..8 * block + 8 {
                 for x in 0..64 {
-                    for c in 0..3 {
-                        sum[c] += f64::from(image.color[(y * width + x) as usize][c]) / 512.0;
+                    for (c, sum) in sum.iter_mut().enumerate() {
+                        *sum += f64::from(image.color[(y * width + x) as usize][c]) / 512.0;
                     }
                 }
             }

@@ -149,7 +149,7 @@ impl FrameShading {
                 (true, _) => Some(self.albedo(color, tint) * self.ambient),
                 (_, true) => Some(
                     self.sphere
-                        .from_everywhere(self.albedo(color, tint) / ALBEDO),
+                        .everywhere_light(self.albedo(color, tint) / ALBEDO),
                 ),
                 _ => None,
             };
@@ -237,7 +237,7 @@ impl FrameShading {
         } else if self.has(FLAG_LIT_SPHERE) {
             let surface = LitSurface {
                 normal,
-                to_eye: self.to_eye(at),
+                to_eye: self.eye_direction(at),
                 culls_back: self.has(FLAG_CULLS_BACK),
                 two_sided: self.has(FLAG_TWO_SIDED),
             };
@@ -249,7 +249,7 @@ impl FrameShading {
     }
 
     /// Unit vector from a point of view space to the eye.
-    fn to_eye(&self, at: Vec3) -> Vec3 {
+    fn eye_direction(&self, at: Vec3) -> Vec3 {
         match self.has(FLAG_ORTHOGRAPHIC) {
             true => Vec3::Z,
             false => -unit_or_zero(at),
@@ -260,7 +260,7 @@ impl FrameShading {
         if normal == Vec3::ZERO {
             return albedo;
         }
-        let to_eye = self.to_eye(at);
+        let to_eye = self.eye_direction(at);
         let to_lamp = unit_or_zero(self.lamp.truncate() - self.lamp.w * at);
         let is_back = !self.has(FLAG_CULLS_BACK) && normal.dot(to_eye) < -LEAST_BACK;
         // The side that is seen is the other one; lit from the front only, it has no light of the lamp.
