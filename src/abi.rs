@@ -173,7 +173,7 @@ impl OrientedPolygon {
     pub const MOST_CORNERS: usize = 8;
 }
 
-/// What every pass of a frame knows, 304 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 480 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -216,6 +216,21 @@ pub struct FrameConstants {
     pub window_from_model: [[f32; 4]; 4],
     /// Where the headlight is in model space: a position (last component 1), or the unit vector towards it (0).
     pub headlight: [f32; 4],
+    /// Power of the openness of a pixel that ambient occlusion multiplies its color by; 0 without.
+    pub ambient_occlusion: f32,
+    /// How far around a pixel that looks, pixels.
+    pub ambient_occlusion_px: f32,
+    /// Nothing.
+    pub unused: [f32; 2],
+    /// Of [`LitSphere`](crate::pack::lit_sphere::LitSphere): unit vectors towards its lamps, each with the value of its
+    /// highlight, and the light of the sky with the wrap; zero for other lights.
+    pub sphere_lamps: [[f32; 4]; 4],
+    /// Colors of the lamps, and the light of the ground.
+    pub sphere_colors: [[f32; 4]; 4],
+    /// Color of the rim, and its power.
+    pub sphere_rim: [f32; 4],
+    /// What the background has more at the lower edge of the picture than at the upper; the last component is 0.
+    pub background_change: [f32; 4],
 }
 
 /// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
@@ -239,95 +254,6 @@ pub struct ListConstants {
     pub dropped_sign: i32,
 }
 
-/// What the passes know that choose a cut on the device: the uniform block of `shaders/common/cut.glsl`. Lengths are in a
-/// unit of the cut's own, `unit` of them in a model unit, from `reference`.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct CutConstants {
-    /// The sides of the view volume: inward unit normals, and what is added to a product with them.
-    pub sides: [[f32; 4]; 4],
-    /// The view direction, likewise.
-    pub forward: [f32; 4],
-    /// To the right in the picture, likewise.
-    pub right: [f32; 4],
-    /// Up in the picture.
-    pub up: [f32; 4],
-    /// Pixels of a tangent (perspective) or of a unit.
-    pub focal: [f32; 2],
-    /// The middle of the picture, pixels.
-    pub middle: [f32; 2],
-    /// Where lengths start, model space.
-    pub reference: [f32; 3],
-    /// See above.
-    pub unit: f32,
-    /// From the scene to the viewer, a unit vector (orthographic).
-    pub backward: [f32; 3],
-    /// Absolute error of a distance to a plane.
-    pub plane_error: f32,
-    /// Distance of the near plane.
-    pub near: f32,
-    /// Distance of the far plane.
-    pub far: f32,
-    /// 2 f / threshold: a size in pixels over the threshold is a radius times this, over a distance.
-    pub ratio: f32,
-    /// Its square.
-    pub ratio_squared: f32,
-    /// Of rows of splats: the threshold over 2 f.
-    pub row_ball: f32,
-    /// What the square of a count is limited by, see `cut::strip`.
-    pub row_limit: f32,
-    /// Widest strip over the ball that a splat stands for.
-    pub row_width: f32,
-    /// Its square.
-    pub row_width_squared: f32,
-    /// First node of the lowest level.
-    pub lowest_nodes: u32,
-    /// First node of the level above it.
-    pub low_nodes: u32,
-    /// Leaves below one of these, on average.
-    pub low_leaves: u32,
-    /// Most splats in a row.
-    pub most_in_row: u32,
-    /// What the root inherits: 1, nothing is dropped by the view volume; 2, nothing by facing.
-    pub start: u32,
-    /// 0 for an orthographic view.
-    pub is_perspective: u32,
-    /// Records that the list of splats has room for.
-    pub most_splats: u32,
-    /// Triangles that the list of indices has room for.
-    pub most_triangles: u32,
-    /// Pixels that a place in the picture may be off, times the distance (perspective) or alone.
-    pub place_error: f32,
-    /// Pixels by which a device may place a splat elsewhere by rounding.
-    pub snap: f32,
-    /// The larger of the two focal lengths.
-    pub focal_px: f32,
-    /// 1 where splats are one pixel, drawn where their balls contain its center.
-    pub are_samples: u32,
-}
-
-/// What these passes write beside the lists: the storage block `Counters` there.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub struct CutCounters {
-    /// A draw of all splats: number of vertices and instances, first vertex and instance.
-    pub splats: [u32; 4],
-    /// A draw of all triangles: number of indices and instances, first index, what is added to each, first instance.
-    pub triangles: [u32; 5],
-    /// A dispatch over the sibling groups of a level: workgroups.
-    pub workgroups: [u32; 3],
-    /// Sibling groups of the level.
-    pub groups: u32,
-    /// Of the next one, so far.
-    pub opened: u32,
-    /// Nodes and leaves that were looked at.
-    pub visited: u32,
-    /// Of those, dropped because outside of the view volume.
-    pub outside: u32,
-    /// Of those, dropped because facing away.
-    pub facing_away: u32,
-}
-
 /// Shaders as compiled by `build.rs`, with what they declare.
 mod generated {
     #![allow(clippy::unreadable_literal, reason = "written by build.rs")]
@@ -335,6 +261,7 @@ mod generated {
     include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 }
 
+pub use device_cut::{CutConstants, CutCounters};
 pub use generated::{constants, specialization};
 /// The compiled shaders: `<FOLDER>_<FILE>_<STAGE>`.
 pub mod shaders {
@@ -487,6 +414,13 @@ same_layout!(
     depth_offset = DEPTH_OFFSET,
     window_from_model = WINDOW_FROM_MODEL,
     headlight = HEADLIGHT,
+    ambient_occlusion = AMBIENT_OCCLUSION,
+    ambient_occlusion_px = AMBIENT_OCCLUSION_PX,
+    unused = UNUSED,
+    sphere_lamps = SPHERE_LAMPS,
+    sphere_colors = SPHERE_COLORS,
+    sphere_rim = SPHERE_RIM,
+    background_change = BACKGROUND_CHANGE,
 );
 same_layout!(
     ListConstants,
@@ -533,6 +467,7 @@ same_layout!(
     focal_px = FOCAL_PX,
     are_samples = ARE_SAMPLES,
 );
+mod device_cut;
 mod photos;
 pub use photos::{PhotoGroup, PhotoHeader, PhotoTable};
 

@@ -135,6 +135,14 @@ pub enum SourceFormat {
 }
 
 impl SourceFormat {
+    /// Unit of length that the format demands; `None` where files have any.
+    pub fn unit(self) -> Option<&'static str> {
+        match self {
+            Self::Mesh(Format::Gltf | Format::Glb | Format::E57) => Some("m"),
+            _ => None,
+        }
+    }
+
     /// The name as people write it.
     pub fn name(self) -> &'static str {
         match self {

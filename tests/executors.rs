@@ -380,7 +380,7 @@ fn every_setting_has_a_golden_case() {
     for light in [Lighting::Headlight, Lighting::Phong(Phong::default())] {
         let is_lamp = match light {
             Lighting::Headlight => false,
-            Lighting::Phong(_) => true,
+            Lighting::Phong(_) | Lighting::Sphere(_) => true,
         };
         has(format!("{light:?}"), &|case| {
             matches!(case.settings.light, Lighting::Phong(_)) == is_lamp

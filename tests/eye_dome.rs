@@ -1,4 +1,5 @@
-//! Eye-dome lighting: every executor darkens its own picture by its own depths, by one rule; who asks for it gets it.
+//! Eye-dome lighting and ambient occlusion: every executor darkens its own picture by its own depths, by one rule; who asks for
+//! it gets it.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod common;
@@ -10,7 +11,9 @@ use surfel::math::camera::View;
 use surfel::pack::ColorBy;
 use surfel::progress::Silent;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::{EyeDome, Method, Path, PictureOutputs, Settings, SplatKind};
+use surfel::render::{
+    AmbientOcclusion, EyeDome, Method, Path, PictureOutputs, Settings, SplatKind,
+};
 use surfel::tree::{BuildOptions, Model};
 
 const SIZE: (u32, u32) = (200, 160);
@@ -65,6 +68,67 @@ fn darkened(plain: &Image, background: [f64; 3], exponent: f64) -> Vec<[f64; 4]>
         .collect()
 }
 
+/// The same of ambient occlusion at strength 1: colors times the square of the openness.
+fn occluded(plain: &Image, background: [f64; 3], view: &View, radius_px: f32) -> Vec<[f64; 4]> {
+    let (width, height) = (i64::from(plain.width), i64::from(plain.height));
+    let lines = [
+        (1, 0),
+        (2, 1),
+        (1, 1),
+        (1, 2),
+        (0, 1),
+        (-1, 2),
+        (-1, 1),
+        (-2, 1),
+    ];
+    let parts = [
+        [0.2, 0.55, 1.0],
+        [0.25, 0.6, 0.95],
+        [0.15, 0.45, 0.85],
+        [0.3, 0.65, 1.0],
+    ];
+    let focal = f64::from(view.focal_px());
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let distance = |x: i64, y: i64| {
+        let is_in = (0..width).contains(&x) && (0..height).contains(&y);
+        let distance = is_in.then(|| f64::from(plain.depth[(y * width + x) as usize]));
+        distance.filter(|d| d.is_finite())
+    };
+    let shaded = pixels.map(|(x, y)| {
+        let color = plain.color[(y * width + x) as usize].map(f64::from);
+        let Some(own) = distance(x, y) else {
+            return color;
+        };
+        let mut hidden = 0.0;
+        for (line, (dx, dy)) in lines.into_iter().enumerate() {
+            let step = f64::from(dx * dx + dy * dy).sqrt();
+            let horizon = |side: i64| {
+                let rises = parts[line % 4].iter().filter_map(|part| {
+                    let steps = (part * radius_px / step as f32 + 0.5).floor().max(1.0) as i64;
+                    let at = side * steps;
+                    let other = distance(x + at * i64::from(dx), y + at * i64::from(dy))?;
+                    let away = steps as f64 * step;
+                    let rise = match view.is_perspective {
+                        true => focal * (own / other - 1.0) / away,
+                        false => focal * (own - other) / away,
+                    };
+                    Some(rise * (2.0 - rise * away / f64::from(radius_px)).clamp(0.0, 1.0))
+                });
+                rises.fold(f64::NEG_INFINITY, f64::max).atan()
+            };
+            hidden += (horizon(1) + horizon(-1)).max(0.0);
+        }
+        let light = (1.0 - hidden / (8.0 * std::f64::consts::PI)).powi(2);
+        let mut dark = color;
+        for i in 0..3 {
+            let behind = 255.0 * background[i] * (1.0 - color[3] / 255.0);
+            dark[i] = behind + (color[i] - behind) * light;
+        }
+        dark
+    });
+    shaded.collect()
+}
+
 fn picture(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Option<Image> {
     let outputs = PictureOutputs {
         depth: true,
@@ -74,6 +138,24 @@ fn picture(backend: &Backend, model: &Model, view: &View, settings: &Settings) -
     let mut engine = Engine::new(backend, model, size, outputs).unwrap();
     // What an executor does not draw it refuses.
     engine.render(view, settings).ok()
+}
+
+/// Holds a picture to the one that was wanted, of which the plain one is known.
+fn compare(what: &str, before: &Image, found: &Image, wanted: &[[f64; 4]]) {
+    let (mut darker, mut odd) = (0, 0);
+    for (i, (found, wanted)) in found.color.iter().zip(wanted).enumerate() {
+        // Distances come from depths of 24 bits and more; colors are rounded once more.
+        let off = (0..4).map(|c| (f64::from(found[c]) - wanted[c]).abs());
+        let off = off.fold(0.0, f64::max);
+        odd += usize::from(off > 1.6);
+        assert!(off <= 10.0, "{what}, pixel {i}: {found:?}, {wanted:?}");
+        let before = before.color[i];
+        darker += usize::from(before[0] > found[0].saturating_add(20));
+    }
+    // What covers less than half a level of a pixel has a depth on the device, and none in the picture.
+    assert!(odd <= 40, "{what}: {odd} pixels differ");
+    assert!(darker > 100, "{what}: {darker} pixels are darker");
+    assert!(found.depth == before.depth, "{what}: depths stay");
 }
 
 #[test]
@@ -118,22 +200,24 @@ fn every_executor_darkens_its_picture_by_its_depths() {
                     };
                     let before = picture(backend, model, &view, &plain);
                     let Some(before) = before else { continue };
-                    let found = picture(backend, model, &view, &dark).unwrap();
-                    let wanted = darkened(&before, [0.2, 0.3, 0.6], 0.5 * EXPONENT);
                     let what =
                         format!("{splat:?} by {} {path:?}, cloud {is_cloud}", backend.name());
-                    let mut darker = 0;
-                    for (i, (found, wanted)) in found.color.iter().zip(&wanted).enumerate() {
-                        // Distances come from depths of 24 bits and more; colors are rounded once more.
-                        let off = (0..4).map(|c| (f64::from(found[c]) - wanted[c]).abs());
-                        let off = off.fold(0.0, f64::max);
-                        assert!(off <= 1.6, "{what}, pixel {i}: {found:?}, {wanted:?}");
-                        let before = before.color[i];
-                        darker += usize::from(before[0] > found[0].saturating_add(20));
-                    }
-                    assert!(darker > 100, "{what}: {darker} pixels are darker");
-                    assert!(found.depth == before.depth, "{what}: depths stay");
+                    let background = [0.2, 0.3, 0.6];
+                    let wanted = darkened(&before, background, 0.5 * EXPONENT);
+                    let found = picture(backend, model, &view, &dark).unwrap();
+                    compare(&format!("darkened {what}"), &before, &found, &wanted);
                     drawn[number] += 1;
+                    if view.is_perspective == is_cloud {
+                        continue;
+                    }
+                    let deep = Settings {
+                        ambient_occlusion: AmbientOcclusion::On,
+                        ambient_occlusion_reach_px: Some(9.0),
+                        ..plain
+                    };
+                    let wanted = occluded(&before, background, &view, 9.0);
+                    let found = picture(backend, model, &view, &deep).unwrap();
+                    compare(&format!("occluded {what}"), &before, &found, &wanted);
                 }
             }
         }
@@ -185,5 +269,49 @@ fn points_without_normals_are_darkened_where_it_is_left_open() {
                 assert!(data(EyeDome::On).is_none(), "it is refused");
             }
         }
+    }
+}
+
+#[test]
+fn a_background_of_two_colors_lies_behind_what_every_executor_draws() {
+    let Some(device) = Device::open() else { return };
+    let vulkan = Backend::Vulkan(device.gpu().clone());
+    let model = generated(GeneratedShape::Statue, 20_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 0.8);
+    let (top, bottom) = ([0.9, 0.5, 0.1], [0.1, 0.45, 0.3]);
+    for (splat, backend) in [
+        (SplatKind::Square, &vulkan),
+        (SplatKind::Filtered, &vulkan),
+        (SplatKind::Filtered, &Backend::Cpu),
+        (SplatKind::Square, &Backend::Cpu),
+        (SplatKind::Filtered, &Backend::Mirror),
+    ] {
+        let flat = Settings {
+            splat,
+            background: top,
+            ..Settings::default()
+        };
+        let gradient = Settings {
+            background_bottom: Some(bottom),
+            ..flat
+        };
+        let before = picture(backend, &model, &view, &flat).unwrap();
+        let found = picture(backend, &model, &view, &gradient).unwrap();
+        let what = format!("{splat:?} by {}", backend.name());
+        let mut open = 0;
+        for (i, (found, before)) in found.color.iter().zip(&before.color).enumerate() {
+            let down = ((i / SIZE.0 as usize) as f32 + 0.5) / SIZE.1 as f32;
+            let part = 1.0 - f32::from(before[3]) / 255.0;
+            open += usize::from(part > 0.0 && part < 1.0);
+            for c in 0..3 {
+                let gain = part * 255.0 * (bottom[c] - top[c]) * down;
+                let off = (f32::from(found[c]) - f32::from(before[c]) - gain).abs();
+                // Rounded twice, and dithered by half a level.
+                assert!(off <= 1.6, "{what}, {i}: {found:?}, {before:?}");
+            }
+            assert_eq!(found[3], before[3], "{what}: coverage stays");
+        }
+        assert!(splat == SplatKind::Square || open > 100, "{what}: {open}");
+        assert!(found.depth == before.depth, "{what}");
     }
 }

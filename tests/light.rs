@@ -10,6 +10,7 @@ use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
+use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{Lamp, Lighting, Phong};
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
@@ -186,6 +187,61 @@ fn a_sphere_has_the_closed_form_shade_highlight_and_terminator() {
                 "{lamp:?}: {checked} pixels, {dark} beyond the terminator, {bright} in the highlight"
             );
             assert!(checked > 15_000);
+        }
+    }
+}
+
+/// The frame of the eye by hand: its z axis points to the eye, its x axis lies in the plane of that and of the picture's x axis
+/// where the shortest turn leaves it.
+#[test]
+fn a_sphere_anywhere_has_the_closed_form_of_lights_that_go_with_the_camera() {
+    let color = [255, 128, 30];
+    let model = sphere(180_000, color);
+    for sphere in LitSphere::ALL {
+        let lights = sphere.lights();
+        for is_perspective in [true, false] {
+            let view = along_z(is_perspective);
+            let settings = Settings {
+                method: Method::Triangles,
+                light: Lighting::Sphere(sphere),
+                ..Settings::default()
+            };
+            let image = draw(&Backend::Mirror, &model, &view, &settings);
+            let mut checked = 0;
+            for (i, got) in image.color.iter().enumerate() {
+                let Some((hit, to_eye)) = on_sphere(is_perspective, i) else {
+                    continue;
+                };
+                let axis = to_eye.cross(DVec3::Z);
+                let turn = DMat4::from_axis_angle(
+                    axis.try_normalize().unwrap_or(DVec3::X),
+                    to_eye.z.clamp(-1.0, 1.0).acos(),
+                );
+                let n = turn.transform_vector3(hit);
+                let mut diffuse = lights.ground.as_dvec3() * (0.5 - 0.5 * n.y)
+                    + lights.sky.as_dvec3() * (0.5 + 0.5 * n.y);
+                let mut gloss = 0.0;
+                for k in 0..3 {
+                    let l = lights.directions[k].as_dvec3();
+                    let wrap = f64::from(lights.wrap);
+                    let reached = ((n.dot(l) + wrap) / (1.0 + wrap)).max(0.0);
+                    diffuse += lights.colors[k].as_dvec3() * reached;
+                    let half = (l + DVec3::Z).normalize();
+                    gloss += f64::from(lights.specular[k])
+                        * (10.0 * n.dot(l)).clamp(0.0, 1.0)
+                        * n.dot(half).max(0.0).powf(f64::from(lights.shininess));
+                }
+                let rim = lights.rim.as_dvec3() * (1.0 - n.z).powf(f64::from(lights.rim_power));
+                for c in 0..3 {
+                    let albedo = 0.8 * f64::from(color[c]) / 255.0;
+                    let wanted = 255.0 * (albedo * diffuse[c] + gloss + rim[c]).min(1.0);
+                    // As above; small highlights change by more from a chord to the next.
+                    let off = (f64::from(got[c]) - wanted).abs();
+                    assert!(off < 1.6, "{sphere:?}, pixel {i}: {got:?}, not {wanted}");
+                }
+                checked += 1;
+            }
+            assert!(checked > 15_000, "{checked}");
         }
     }
 }
@@ -457,15 +513,14 @@ fn the_device_draws_what_the_mirror_draws() {
     flat.view = DMat4::from_scale(DVec3::splat(0.8)) * flat.view;
     for (name, camera) in [("perspective", camera), ("orthographic", flat)] {
         let view = camera.view(DVec3::ZERO).unwrap();
-        for (lamp, culling, two_sided, shininess) in [
-            (from_camera(75.0, 15.0), Culling::Auto, true, 32.0),
-            (
-                Lamp::At(DVec3::new(-1.2, 0.6, 0.9)),
-                Culling::Off,
-                true,
-                300.0,
-            ),
-            (from_camera(-40.0, 40.0), Culling::Off, false, 1.0),
+        let at_a_point = Lamp::At(DVec3::new(-1.2, 0.6, 0.9));
+        let lamp = |lamp, shininess| with(lamp, 0.1, 0.5, shininess).light;
+        for (light, culling, two_sided) in [
+            (lamp(from_camera(75.0, 15.0), 32.0), Culling::Auto, true),
+            (lamp(at_a_point, 300.0), Culling::Off, true),
+            (lamp(from_camera(-40.0, 40.0), 1.0), Culling::Off, false),
+            (Lighting::Sphere(LitSphere::Studio), Culling::Off, false),
+            (Lighting::Sphere(LitSphere::Porcelain), Culling::Auto, true),
         ] {
             for (method, splat, threshold_px) in METHODS {
                 if splat == SplatKind::Filtered && !two_sided {
@@ -477,9 +532,10 @@ fn the_device_draws_what_the_mirror_draws() {
                     threshold_px,
                     culling,
                     two_sided,
-                    ..with(lamp, 0.1, 0.5, shininess)
+                    light,
+                    ..Settings::default()
                 };
-                let name = format!("{name} {lamp:?} {method:?} {splat:?} {threshold_px}");
+                let name = format!("{name} {light:?} {method:?} {splat:?} {threshold_px}");
                 let a = draw(&device_backend, &model, &view, &settings);
                 let b = draw(&Backend::Mirror, &model, &view, &settings);
                 pictures::REFERENCE_LAMP.assert_same(&b, &a, &name);
@@ -495,10 +551,9 @@ fn the_device_draws_what_the_mirror_draws() {
             threshold_px,
             ..Settings::default()
         };
-        let lamp = Settings {
-            light: Lighting::Phong(Phong::default()),
-            ..headlight
-        };
+        let lit = |light| Settings { light, ..headlight };
+        let lamp = lit(Lighting::Phong(Phong::default()));
+        let metal = lit(Lighting::Sphere(LitSphere::Metal));
         let mut engine = Engine::new(
             &device_backend,
             &model,
@@ -506,9 +561,9 @@ fn the_device_draws_what_the_mirror_draws() {
             PictureOutputs::default(),
         )
         .unwrap();
-        let [a, b, again] =
-            [&headlight, &lamp, &headlight].map(|s| engine.render(&view, s).unwrap());
-        assert!(a == again && a != b, "{method:?} {splat:?}");
+        let all = [&headlight, &lamp, &metal, &headlight];
+        let [a, b, c, again] = all.map(|s| engine.render(&view, s).unwrap());
+        assert!(a == again && a != b && b != c, "{method:?} {splat:?}");
     }
 }
 

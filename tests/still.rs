@@ -10,6 +10,7 @@ use surfel::generate::GeneratedShape;
 use surfel::gpu::DeviceOptions;
 use surfel::image::Image;
 use surfel::math::camera::{Light, View};
+use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
@@ -18,8 +19,8 @@ use surfel::render::stats::KeptWork;
 use surfel::render::vulkan::renderer::VulkanRenderer;
 use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{
-    Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
-    SumFormat, Traversal,
+    AmbientOcclusion, Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings,
+    Shading, SplatKind, SumFormat, Traversal,
 };
 use surfel::tree::Model;
 
@@ -216,9 +217,13 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         two_sided: _,
         use_colors: _,
         background: _,
+        background_bottom: _,
         size: _,
         eye_dome: _,
         eye_dome_strength: _,
+        ambient_occlusion: _,
+        ambient_occlusion_strength: _,
+        ambient_occlusion_reach_px: _,
         // tests/photo_look.rs has those: photographs have to be given.
         photos: _,
         marks_uncovered: _,
@@ -259,10 +264,29 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     add("by depth", true, &|s| s.color_by = ColorBy::Depth);
     add("lamp", true, &|s| s.light = lamp(-1.0));
     add("other lamp", true, &|s| s.light = lamp(1.0));
+    add("studio", true, &|s| {
+        s.light = Lighting::Sphere(LitSphere::Studio);
+    });
+    add("metal", true, &|s| {
+        s.light = Lighting::Sphere(LitSphere::Metal);
+    });
     add("darkened", true, &|s| s.eye_dome = EyeDome::On);
     add("more darkened", false, &|s| s.eye_dome_strength = 2.0);
+    let occluded = |s: &mut Settings| s.ambient_occlusion = AmbientOcclusion::On;
+    add("occluded", true, &occluded);
+    add("more occluded", true, &|s| {
+        occluded(s);
+        s.ambient_occlusion_strength = 3.0;
+    });
+    add("occluded from near", true, &|s| {
+        occluded(s);
+        s.ambient_occlusion_reach_px = Some(3.0);
+    });
     add("no colors", true, &|s| s.use_colors = false);
     add("background", true, &|s| s.background = [0.2, 0.4, 0.6]);
+    add("gradient", true, &|s| {
+        s.background_bottom = Some([0.2, 0.4, 0.6]);
+    });
     add("metric", true, &|s| s.size = SizeMetric::Nearest);
     add("held cut", true, &|s| s.cut_view = Some(*held));
     add("depth offset", !is_square, &|s| s.depth_offset = Some(0.3));

@@ -24,6 +24,8 @@ const uint FLAG_COLOR_BY_LEVEL = 256u;
 const uint FLAG_COLOR_BY_NORMAL = 512u;
 // Frame flag: depth as color, without light.
 const uint FLAG_COLOR_BY_DEPTH = 1024u;
+// Frame flag: lamps that go with the camera, and a material, instead of the headlight.
+const uint FLAG_LIT_SPHERE = 2048u;
 // Beside flags that a pipeline was made for: they are what the frame has.
 const uint FLAGS_ARE_KNOWN = 0x80000000u;
 // Diffuse albedo.

@@ -38,6 +38,18 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     // Where the headlight is in model space: a position where w is 1, the unit vector towards it where w is 0. Shading there
     // needs no matrix.
     vec4 headlight;
+    // Power of the openness of a pixel that ambient occlusion multiplies its color by; 0 without. How far around that looks,
+    // pixels.
+    float ambient_occlusion;
+    float ambient_occlusion_px;
+    vec2 unused;
+    // Of FLAG_LIT_SPHERE: directions of three lamps with the values of their highlights, and the sky with how far light reaches
+    // around; colors of the lamps, and the ground; the rim and its power. The exponent of highlights is `shininess`.
+    mat4 sphere_lamps;
+    mat4 sphere_colors;
+    vec4 sphere_rim;
+    // What the background has more at the lower edge of the picture than at the upper.
+    vec4 background_change;
 } frame;
 
 // The flags of the frames that a pipeline is made for, with FLAGS_ARE_KNOWN; 0: the block says. Where larger parts of a shader

@@ -60,6 +60,42 @@ vec3 phong(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
     return min(value, vec3(1.0));
 }
 
+// A surface point under lamps that go with the camera; arguments as of `headlight`. The equation is in src/pack/lit_sphere.rs.
+vec3 lit_sphere(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
+    vec3 to_eye = has_flag(FLAG_ORTHOGRAPHIC) ? vec3(0.0, 0.0, 1.0) : -unit_or_zero(position_in_view);
+    bool is_back = !has_flag(FLAG_CULLS_BACK) && dot(normal, to_eye) < -LEAST_BACK;
+    float side = is_back ? (has_flag(FLAG_TWO_SIDED) ? -1.0 : 0.0) : 1.0;
+    float is_lit = side * side;
+    // Turned by the shortest way that takes the direction to the eye to the z axis.
+    vec3 both = to_eye + vec3(0.0, 0.0, 1.0);
+    vec3 n = normal - both * (dot(normal, both) / (1.0 + to_eye.z));
+    n.z += 2.0 * dot(normal, to_eye);
+    n = normal == vec3(0.0) ? vec3(0.0, 0.0, 1.0) : side * n;
+    float wrap = frame.sphere_lamps[3].w;
+    vec3 diffuse = mix(frame.sphere_colors[3].rgb, frame.sphere_lamps[3].rgb, 0.5 + 0.5 * n.y);
+    float gloss = 0.0;
+    for (int i = 0; i < 3; ++i) {
+        vec4 lamp = frame.sphere_lamps[i];
+        float cosine = dot(n, lamp.xyz);
+        diffuse += frame.sphere_colors[i].rgb * (is_lit * max((cosine + wrap) / (1.0 + wrap), 0.0));
+        vec3 half_way = lamp.xyz + vec3(0.0, 0.0, 1.0);
+        float half_cosine = dot(n, half_way) * inversesqrt(dot(half_way, half_way));
+        float highlight = half_cosine > 0.0 ? pow(min(half_cosine, 1.0), frame.shininess) : 0.0;
+        gloss += lamp.w * clamp(cosine / FULL_HIGHLIGHT, 0.0, 1.0) * highlight;
+    }
+    float turned = 1.0 - clamp(n.z, 0.0, 1.0);
+    vec3 rim = turned > 0.0 ? frame.sphere_rim.rgb * (is_lit * pow(turned, frame.sphere_rim.w)) : vec3(0.0);
+    return min(albedo_of(color, tint) * diffuse + vec3(gloss) + rim, vec3(1.0));
+}
+
+// A surface point in light that is not the headlight; arguments as of `headlight`.
+vec3 in_lamps(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
+    if (has_flag(FLAG_LIT_SPHERE)) {
+        return lit_sphere(position_in_view, normal, color, tint);
+    }
+    return phong(position_in_view, normal, color, tint);
+}
+
 // Whether deferred shading sums a normal turned around: where both sides are lit, so that sides do not cancel. `facing` is
 // the cosine to the eye. In the light of a lamp only what is certainly seen from behind: the headlight does not
 // care about the sign at a silhouette, a lamp does.
@@ -74,8 +110,8 @@ vec3 shade_at(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
     if (shows_data()) {
         return data_color(position_in_view, normal, color);
     }
-    if (has_flag(FLAG_PHONG)) {
-        return phong(position_in_view, normal, color, tint);
+    if (has_flag(FLAG_PHONG | FLAG_LIT_SPHERE)) {
+        return in_lamps(position_in_view, normal, color, tint);
     }
     return headlight(normal, to_light(position_in_view), color, tint);
 }
@@ -94,7 +130,7 @@ vec3 shade_pixel(bool has_lamp, vec4 frag_coord, vec3 normal, vec3 color, vec3 t
         if (shows_data()) {
             return data_color(position_in_view, normal, ramp(1.0));
         }
-        return phong(position_in_view, normal, color, tint);
+        return in_lamps(position_in_view, normal, color, tint);
     }
     vec3 l = vec3(0.0, 0.0, 1.0);
     if (!has_flag(FLAG_PARALLEL_LIGHT)) {

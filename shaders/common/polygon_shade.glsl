@@ -8,5 +8,8 @@ vec3 shade_polygon(vec3 position_in_view, vec3 unit, vec3 base, float share, vec
         return shown;
     }
     vec3 from_everywhere = has_flag(FLAG_PHONG) ? albedo_of(base, tint) * frame.ambient : vec3(0.0);
+    if (has_flag(FLAG_LIT_SPHERE)) {
+        from_everywhere = albedo_of(base, tint) * 0.5 * (frame.sphere_lamps[3].rgb + frame.sphere_colors[3].rgb);
+    }
     return mix(from_everywhere, shown, share);
 }

@@ -65,7 +65,7 @@ void main() {
     if (IS_DEFERRED) {
         vec2 at = gl_FragCoord.xy * frame.ray_scale + frame.ray_offset;
         if (HAS_LAMP) {
-            mean = phong(position_at(at, geometry.w / sum.a), n, mean, mean);
+            mean = in_lamps(position_at(at, geometry.w / sum.a), n, mean, mean);
         } else {
             bool is_parallel = has_flag(FLAG_PARALLEL_LIGHT);
             mean = headlight(n, is_parallel ? vec3(0.0, 0.0, 1.0) : -normalize(vec3(at, -1.0)), mean, mean);

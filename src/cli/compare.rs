@@ -27,7 +27,7 @@ pub(crate) struct Args {
     #[arg(value_name = "PICTURE")]
     picture: PathBuf,
     /// For pictures without alpha: pixels of exactly this color are not covered
-    #[arg(long, value_name = "COLOR", value_parser = super::look::parse_color)]
+    #[arg(long, value_name = "COLOR", value_parser = super::background::parse_color)]
     background: Option<[f32; 3]>,
     /// Write the absolute difference of each color: .png
     #[arg(long, value_name = "FILE")]

@@ -3,6 +3,7 @@
 use super::{Failure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
 use glam::DVec3;
+use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{Lamp, Lighting, Phong};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -11,6 +12,26 @@ enum LightName {
     Headlight,
     /// One lamp: ambient, diffuse and specular
     Phong,
+    /// Three lamps that go with the camera: key, fill and rim light
+    Studio,
+    /// A material in lights that go with the camera: dull reddish brown
+    Clay,
+    /// A material: white with small highlights
+    Porcelain,
+    /// A material: dark below a bright sky, with large highlights
+    Metal,
+}
+
+impl LightName {
+    fn sphere(self) -> Option<LitSphere> {
+        match self {
+            Self::Headlight | Self::Phong => None,
+            Self::Studio => Some(LitSphere::Studio),
+            Self::Clay => Some(LitSphere::Clay),
+            Self::Porcelain => Some(LitSphere::Porcelain),
+            Self::Metal => Some(LitSphere::Metal),
+        }
+    }
 }
 
 /// Where light comes from.
@@ -38,7 +59,8 @@ pub(crate) struct LightArgs {
 
 impl LightArgs {
     pub(crate) fn lighting(&self) -> Result<Lighting, Failure> {
-        if self.light == LightName::Headlight {
+        if self.light != LightName::Phong {
+            let sphere = self.light.sphere();
             let given = [
                 ("--light-at", self.light_at.is_some()),
                 ("--light-position", self.light_position.is_some()),
@@ -48,9 +70,11 @@ impl LightArgs {
             ];
             return match given.iter().find(|(_, is_given)| *is_given) {
                 Some((option, _)) => Err(usage(format!(
-                    "{option} is of the lamp, and the headlight is on; add --light phong"
+                    "{option} is of the lamp, and {} is on; {} --light phong",
+                    sphere.map_or("the headlight", LitSphere::name),
+                    if sphere.is_some() { "use" } else { "add" },
                 ))),
-                None => Ok(Lighting::Headlight),
+                None => Ok(sphere.map_or(Lighting::Headlight, Lighting::Sphere)),
             };
         }
         let usual = Phong::default();
@@ -82,8 +106,10 @@ impl LightArgs {
 
 /// The light as `--stats` writes it: angles in degrees, positions in world units.
 pub(crate) fn facts(light: &Lighting) -> serde_json::Value {
-    let Lighting::Phong(phong) = light else {
-        return serde_json::json!({ "kind": "headlight" });
+    let phong = match light {
+        Lighting::Headlight => return serde_json::json!({ "kind": "headlight" }),
+        Lighting::Sphere(sphere) => return serde_json::json!({ "kind": sphere.name() }),
+        Lighting::Phong(phong) => phong,
     };
     let mut facts = serde_json::json!({
         "kind": "phong",

@@ -1,6 +1,8 @@
 //! The options that decide how a model looks, shared by every command that draws.
 
+use super::background::BackgroundArgs;
 use super::color_choice::{ColorByName, ColorChoice};
+use super::darkening::DarkeningArgs;
 use super::error_patches::ErrorArgs;
 use super::light::LightArgs;
 use super::vertex_splats::VertexSplatArgs;
@@ -11,8 +13,8 @@ use surfel::cut::SizeMetric;
 use surfel::input::PointColoring;
 use surfel::pack::ColorBy;
 use surfel::render::{
-    Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, Reconstruction, Settings,
-    Shading, SplatKind, SumFormat, Traversal,
+    Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
+    SplatKind, SumFormat, Traversal,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -48,16 +50,6 @@ enum CullingName {
     /// Always drop what faces away
     On,
     /// Draw both sides
-    Off,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum EyeDomeName {
-    /// On points without normals
-    Auto,
-    /// On everything
-    On,
-    /// Nothing is darkened
     Off,
 }
 
@@ -272,13 +264,8 @@ pub(crate) struct LookArgs {
     /// Whether what faces away is dropped
     #[arg(long, value_enum, default_value = "auto")]
     culling: CullingName,
-    /// Whether pixels are darkened that lie behind their neighbors (eye-dome lighting), so that depth shows without normals; of
-    /// shaded colors [default: auto in surfel render and the window, else off]
-    #[arg(long, value_enum)]
-    eye_dome: Option<EyeDomeName>,
-    /// How strong eye-dome lighting is
-    #[arg(long, value_name = "FACTOR", default_value = "1")]
-    eye_dome_strength: f32,
+    #[command(flatten)]
+    pub(crate) darkening: DarkeningArgs,
     /// Source of the color: shading (light and vertex colors), primitive (splats red, triangles blue, patches green); not lit: level (of the tree, the root dark), normal, depth (near bright), overdraw (from 1, dark violet, over 8 to 64, yellow); classification of visibility splats; or, of points, height, intensity, class, return, time or another attribute that `surfel info` lists
     #[arg(long, value_name = "WHAT", default_value = "shading", value_parser = str::parse::<ColorChoice>)]
     color_by: ColorChoice,
@@ -290,17 +277,11 @@ pub(crate) struct LookArgs {
     /// Ignore vertex colors
     #[arg(long)]
     no_colors: bool,
-    /// Background: black, white, gray, #rrggbb, or R,G,B with 0 to 255
-    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
-    background: [f32; 3],
+    #[command(flatten)]
+    pub(crate) background: BackgroundArgs,
 }
 
 impl LookArgs {
-    /// Takes eye-dome lighting of points without normals for what a person looks at, where nothing is said of it.
-    pub(crate) fn default_eye_dome(&mut self) {
-        self.eye_dome.get_or_insert(EyeDomeName::Auto);
-    }
-
     /// Takes the threshold of a scene where none is given.
     pub(crate) fn default_threshold(&mut self, pixels: f32) {
         self.threshold.get_or_insert(pixels);
@@ -392,12 +373,7 @@ impl LookArgs {
                 "--threshold {threshold} is no size in pixels from 0 to 4096"
             )));
         }
-        if !(0.0..=10.0).contains(&self.eye_dome_strength) {
-            return Err(usage(format!(
-                "--eye-dome-strength {} is no factor from 0 to 10",
-                self.eye_dome_strength
-            )));
-        }
+        self.darkening.check()?;
         if let Some(factor) = self.depth_offset
             && !(0.0..=1000.0).contains(&factor)
         {
@@ -418,6 +394,7 @@ impl LookArgs {
                 ));
             }
         }
+        let (background, background_bottom) = self.background.colors()?;
         Ok(Settings {
             method: self.method.into(),
             splat: self.splat.into(),
@@ -465,12 +442,11 @@ impl LookArgs {
                 OcclusionName::Off => Occlusion::Off,
             },
             depth_offset: self.depth_offset,
-            eye_dome: match self.eye_dome {
-                Some(EyeDomeName::Auto) => EyeDome::Auto,
-                Some(EyeDomeName::On) => EyeDome::On,
-                Some(EyeDomeName::Off) | None => EyeDome::Off,
-            },
-            eye_dome_strength: self.eye_dome_strength,
+            eye_dome: self.darkening.eye_dome(),
+            eye_dome_strength: self.darkening.eye_dome_strength,
+            ambient_occlusion: self.darkening.ambient_occlusion(),
+            ambient_occlusion_strength: self.darkening.ambient_occlusion_strength,
+            ambient_occlusion_reach_px: self.darkening.ambient_occlusion_radius_px,
             photos: Default::default(),
             marks_uncovered: false,
             culling: match self.culling {
@@ -490,29 +466,11 @@ impl LookArgs {
             light: self.light.lighting()?,
             two_sided: !self.one_sided,
             use_colors: !self.no_colors,
-            background: self.background,
+            background,
+            background_bottom,
             size: self.size_metric.into(),
             cut_view: None,
         })
-    }
-}
-
-pub(crate) fn parse_color(text: &str) -> Result<[f32; 3], String> {
-    let bytes: Option<Vec<u8>> = match text {
-        "black" => Some(vec![0; 3]),
-        "white" => Some(vec![255; 3]),
-        "gray" | "grey" => Some(vec![128; 3]),
-        _ => match text.strip_prefix('#') {
-            Some(hex) if hex.len() == 6 && hex.is_ascii() => (0..3)
-                .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).ok())
-                .collect(),
-            Some(_) => None,
-            None => text.split(',').map(|p| p.trim().parse().ok()).collect(),
-        },
-    };
-    match bytes.as_deref() {
-        Some(&[r, g, b]) => Ok([r, g, b].map(|c| f32::from(c) / 255.0)),
-        _ => Err("expected black, white, gray, #rrggbb or R,G,B with 0 to 255".into()),
     }
 }
 
@@ -566,16 +524,5 @@ mod tests {
         for wrong in ["--splat rhombus", "gauss", "--steps 3", "--help"] {
             assert!(base.varied(wrong).is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn colors_are_read_as_documented() {
-        assert_eq!(parse_color("#ff0080"), Ok([1.0, 0.0, 128.0 / 255.0]));
-        assert_eq!(parse_color("0,255,0"), Ok([0.0, 1.0, 0.0]));
-        assert!(
-            parse_color("#ff00").is_err()
-                && parse_color("256,0,0").is_err()
-                && parse_color("pink").is_err()
-        );
     }
 }

@@ -2,6 +2,7 @@
 //! it with the library. Data goes to standard output, talk to standard error.
 
 mod auto;
+mod background;
 mod bench;
 mod build;
 mod cameras;
@@ -10,6 +11,7 @@ mod check;
 mod color_choice;
 mod compare;
 mod costs;
+mod darkening;
 mod demo;
 mod devices;
 mod error_patches;
@@ -19,6 +21,7 @@ mod info;
 mod light;
 mod look;
 mod man;
+mod mark_args;
 mod motion;
 mod patches;
 mod photo_args;
@@ -26,6 +29,7 @@ mod photos;
 mod profile;
 mod progress;
 mod render;
+mod rendered_picture;
 mod reproduce;
 mod scenes;
 #[cfg(feature = "viewer")]

@@ -6,15 +6,17 @@ use super::cameras::{
 };
 use super::costs::costs_of;
 use super::look::LookArgs;
+use super::mark_args::MarkArgs;
 use super::photo_args::{PhotoArgs, StagedScene, camera_of};
 use super::progress::{Bar, is_interrupted};
+use super::rendered_picture::RenderedPicture;
 use super::source::{ColorArgs, PageArgs, Source};
 use super::{Failure, Outcome, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
-use surfel::image::{FloatImage, Image, MarkedLines};
+use surfel::image::{MarkedLines, PictureMarks};
 use surfel::math::measured_line::MeasureList;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
@@ -193,6 +195,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     look: LookArgs,
     #[command(flatten)]
+    marks: MarkArgs,
+    #[command(flatten)]
     auto: AutoArgs,
     #[command(flatten)]
     photos: PhotoArgs,
@@ -342,29 +346,36 @@ impl Args {
             || self.coverage.is_some()
     }
 
-    fn write_picture(&self, picture: &Picture, frame: u32) -> Outcome {
+    fn write_picture(&self, picture: &RenderedPicture, frame: u32) -> Outcome {
         let name = |path: &PathBuf| numbered(path, frame, self.frames);
+        let has_alpha = self.look.background.is_transparent();
         if let Some(path) = &self.output {
             match (picture, ending(path).as_str()) {
-                (Picture::Single(image), "png") => image.save_png(&name(path))?,
-                (Picture::Single(image), _) => image.save_exr(&name(path))?,
-                (Picture::Mean(mean), "png") => mean.to_image().save_png(&name(path))?,
-                (Picture::Mean(mean), _) => mean.save_exr(&name(path))?,
+                (RenderedPicture::Single(image), "png") if has_alpha => {
+                    image.save_transparent_png(&name(path))?;
+                }
+                (RenderedPicture::Mean(mean), "png") if has_alpha => {
+                    mean.save_transparent_png(&name(path))?;
+                }
+                (RenderedPicture::Single(image), "png") => image.save_png(&name(path))?,
+                (RenderedPicture::Single(image), _) => image.save_exr(&name(path))?,
+                (RenderedPicture::Mean(mean), "png") => mean.to_image().save_png(&name(path))?,
+                (RenderedPicture::Mean(mean), _) => mean.save_exr(&name(path))?,
             }
         }
         if let Some(path) = &self.coverage {
             match picture {
-                Picture::Single(image) => image.save_coverage_png(&name(path))?,
-                Picture::Mean(mean) => mean.to_image().save_coverage_png(&name(path))?,
+                RenderedPicture::Single(image) => image.save_coverage_png(&name(path))?,
+                RenderedPicture::Mean(mean) => mean.to_image().save_coverage_png(&name(path))?,
             }
         }
-        if let (Some(path), Picture::Single(image)) = (&self.depth, picture) {
+        if let (Some(path), RenderedPicture::Single(image)) = (&self.depth, picture) {
             match ending(path).as_str() {
                 "npy" => image.save_npy(&name(path))?,
                 _ => image.save_depth_exr(&name(path))?,
             }
         }
-        if let (Some(path), Picture::Single(image)) = (&self.normals, picture) {
+        if let (Some(path), RenderedPicture::Single(image)) = (&self.normals, picture) {
             image.save_normal_exr(&name(path))?;
         }
         Ok(())
@@ -384,20 +395,6 @@ fn tell_overdraw(times: &[FrameTimes]) {
 /// of smaller ones those that contain no sample are dropped, so that they cost no more.
 const SMOOTH_THRESHOLD_PX: f32 = 0.125;
 
-enum Picture {
-    Single(Image),
-    Mean(FloatImage),
-}
-
-impl Picture {
-    fn mark(&mut self, marks: &MarkedLines) {
-        match self {
-            Self::Single(image) => image.mark(marks),
-            Self::Mean(mean) => mean.mark(marks),
-        }
-    }
-}
-
 /// Frames drawn before the first that counts when times are asked for: shaders are compiled at the first draw.
 const WARM_UP: u32 = 2;
 
@@ -409,7 +406,8 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     args.check()?;
     args.auto.check(args.look.is_auto())?;
-    args.look.default_eye_dome();
+    args.look.darkening.default_for_people();
+    args.look.background.may_be_transparent = true;
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings_to_choose()?;
     if args.samples.is_some_and(|samples| samples > 1) && settings.color_by == ColorBy::Overdraw {
@@ -540,16 +538,20 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         }
         if args.wants_picture() {
             let mut picture = match args.samples {
-                None if is_smooth => Picture::Mean(engine.smooth(view, &settings)?),
-                None | Some(1) => Picture::Single(engine.read(view)?),
+                None if is_smooth => RenderedPicture::Mean(engine.smooth(view, &settings)?),
+                None | Some(1) => RenderedPicture::Single(engine.read(view)?),
                 Some(samples) => {
                     let k = f64::from(samples).sqrt().round() as u32;
-                    Picture::Mean(engine.supersample(view, &settings, k)?)
+                    RenderedPicture::Mean(engine.supersample(view, &settings, k)?)
                 }
             };
             if let Some(list) = &measures {
-                picture.mark(&MarkedLines::of(&list.lines, view, ready.model.origin));
+                picture.mark_lines(&MarkedLines::of(&list.lines, view, ready.model.origin));
             }
+            let center = (sphere.center - ready.model.origin).as_vec3();
+            let unit = ready.format.unit().filter(|_| others.is_empty());
+            let marks = PictureMarks::new(view, args.marks.choice(), center, unit);
+            picture.mark(&marks);
             args.write_picture(&picture, index as u32)?;
         }
         bar.advance(1);

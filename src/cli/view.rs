@@ -2,6 +2,7 @@
 
 use super::cameras::{UpChoice, parse_orbit, parse_size, read_camera};
 use super::look::LookArgs;
+use super::mark_args::MarkArgs;
 use super::photo_args::PhotoArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
@@ -51,6 +52,8 @@ pub(crate) struct Args {
     pages: PageArgs,
     #[command(flatten)]
     look: LookArgs,
+    #[command(flatten)]
+    marks: MarkArgs,
     #[command(flatten)]
     photos: PhotoArgs,
     /// Size of the window [default: as it was left, or 1024x768]
@@ -143,7 +146,7 @@ impl From<viewer::Error> for Failure {
 }
 
 pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
-    args.look.default_eye_dome();
+    args.look.darkening.default_for_people();
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings()?;
     let gpu = args.device.options();
@@ -196,6 +199,9 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     if let Some(panel) = args.panel {
         window.panel = panel == Switch::On;
     }
+    let marks = args.marks.choice();
+    window.scale_bar |= marks.scale_bar;
+    window.axes |= marks.axes;
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
     let camera_size = camera.as_ref().map(|c| (c.width, c.height));
     let size = args.size.or(camera_size).or(left_size);

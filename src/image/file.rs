@@ -1,6 +1,6 @@
 //! Files: PNG, OpenEXR and NumPy, written beside their place and renamed, so none is ever half there.
 
-use super::{Error, FloatImage, Image};
+use super::{Error, FloatImage, Image, unorm8};
 use exr::prelude as openexr;
 use openexr::WritableImage;
 use std::fs::File;
@@ -44,6 +44,15 @@ impl Image {
             (self.width, self.height),
             ::image::ExtendedColorType::Rgba8,
         )
+    }
+
+    /// Writes a picture before black as an 8-bit RGBA PNG whose colors are not premultiplied, as PNG has it: each is divided by the
+    /// covered fraction, and limited to white. Where nothing is everything is 0.
+    ///
+    /// # Errors
+    /// As [`save_png`](Self::save_png).
+    pub fn save_transparent_png(&self, path: &Path) -> Result<(), Error> {
+        self.to_float().save_transparent_png(path)
     }
 
     /// Writes the covered fraction as an 8-bit grey PNG, white where covered.
@@ -120,6 +129,24 @@ impl Image {
 }
 
 impl FloatImage {
+    /// As [`Image::save_transparent_png`].
+    ///
+    /// # Errors
+    /// As [`Image::save_png`].
+    pub fn save_transparent_png(&self, path: &Path) -> Result<(), Error> {
+        let bytes: Vec<u8> = self
+            .color
+            .iter()
+            .flat_map(|&color| straight(color))
+            .collect();
+        write_png(
+            path,
+            &bytes,
+            (self.width, self.height),
+            ::image::ExtendedColorType::Rgba8,
+        )
+    }
+
     /// Writes the color as 32-bit float RGBA EXR, unclamped.
     ///
     /// # Errors
@@ -135,6 +162,15 @@ impl FloatImage {
         ];
         write_exr(path, (self.width, self.height), channels)
     }
+}
+
+/// The bytes of a color that is premultiplied by its last component, when it is not.
+fn straight([red, green, blue, alpha]: [f32; 4]) -> [u8; 4] {
+    if alpha <= 0.0 {
+        return [0; 4];
+    }
+    let of = |color: f32| unorm8(f64::from(color / alpha));
+    [of(red), of(green), of(blue), unorm8(f64::from(alpha))]
 }
 
 /// Writes a file through a temporary one in the same folder, which takes its place when it is complete; what
@@ -282,6 +318,14 @@ mod tests {
             .map(|i| [i as f32 / 15.0, -0.25, 1.0 - i as f32])
             .collect();
         image
+    }
+
+    #[test]
+    fn colors_of_what_is_half_covered_are_divided_by_that() {
+        assert_eq!(straight([0.25, 0.5, 0.0, 0.5]), [128, 255, 0, 128]);
+        assert_eq!(straight([0.2, 0.4, 0.6, 1.0]), [51, 102, 153, 255]);
+        assert_eq!(straight([0.0, 0.0, 0.0, 0.0]), [0; 4]);
+        assert_eq!(straight([0.6, 0.0, 0.0, 0.5]), [255, 0, 0, 128], "limited");
     }
 
     #[test]

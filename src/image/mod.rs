@@ -9,6 +9,7 @@ mod channels;
 mod compare;
 mod file;
 mod lines;
+mod marks;
 mod read;
 mod sheet;
 
@@ -19,6 +20,7 @@ pub use channels::{
 pub use compare::{Difference, Figures, compare, difference_picture};
 pub(crate) use file::write;
 pub use lines::MarkedLines;
+pub use marks::{BarLength, MarkChoice, MarkLine, MarkText, PictureMarks};
 pub use sheet::contact_sheet;
 
 use std::path::PathBuf;

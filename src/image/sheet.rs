@@ -69,6 +69,14 @@ pub fn contact_sheet(pictures: &[(String, Image)], columns: usize) -> Image {
     sheet
 }
 
+/// Writes Latin-1 text over a picture, from its upper left corner; what falls outside is left out.
+pub(super) fn draw_text(image: &mut Image, text: &str, [x, y]: [i32; 2], color: Rgb888) {
+    let style = MonoTextStyle::new(FONT, color);
+    let at = Point::new(x, y);
+    // Drawing into memory has no error to give (`Canvas::Error` has no values).
+    let Ok(_) = Text::with_baseline(text, at, style, Baseline::Top).draw(&mut Canvas(image));
+}
+
 fn opaque(color: Rgb888) -> [u8; 4] {
     [color.r(), color.g(), color.b(), 255]
 }

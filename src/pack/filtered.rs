@@ -54,6 +54,7 @@ use crate::pack::filtered::projection::Projection;
 use crate::pack::filtered::strip_batches::{Group, RowGroup};
 use crate::pack::filtered::triangle_patches::{Triangle, piece_color, triangle_of};
 use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
+use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
 use crate::pack::parallel::Sink;
 use crate::pack::{ColorBy, Lighting, Phong, Source};
@@ -119,6 +120,8 @@ struct Eye<'a> {
     up: Vec3,
     /// What surfaces make of the lamp, and the lamp; none with the headlight.
     lamp: Option<(Phong, Source)>,
+    /// Lights that go with the camera.
+    sphere: Option<SphereLights>,
 }
 
 impl Eye<'_> {
@@ -129,6 +132,28 @@ impl Eye<'_> {
             Some(id) => octahedral::decode(self.tree.attributes[id as usize].normal),
             None => patch.normals.normalize_or_zero(),
         }
+    }
+
+    /// The color of a patch of this color, as seen along `v`, under lights that go with the camera: that of its mean normal.
+    fn on_sphere(
+        &self,
+        sphere: &SphereLights,
+        patch: &Patch,
+        v: Vec3,
+        color: [f32; 3],
+    ) -> [f32; 3] {
+        let back = -self.forward.truncate();
+        let in_view = |direction: Vec3| {
+            let axes = [self.right, self.up, back];
+            Vec3::from(axes.map(|axis| axis.dot(direction)))
+        };
+        let surface = LitSurface {
+            normal: in_view(self.normal(patch)),
+            to_eye: in_view(v),
+            culls_back: self.shade.cull_back,
+            two_sided: true,
+        };
+        sphere.value(&surface, color.into()).into()
     }
 
     /// The factor of the albedo and the highlight of a patch whose fronts and backs cover `both` as seen along `v`.
@@ -237,8 +262,12 @@ pub fn write(
         right: axis(0),
         up: axis(1),
         lamp: match shade.light {
-            Lighting::Headlight => None,
+            Lighting::Headlight | Lighting::Sphere(_) => None,
             Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
+        },
+        sphere: match shade.light {
+            Lighting::Headlight | Lighting::Phong(_) => None,
+            Lighting::Sphere(sphere) => Some(sphere.lights()),
         },
     };
     let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();

@@ -15,6 +15,7 @@ use crate::abi::{FuzzySplat, WeightedSplat};
 use crate::cut::Cut;
 use crate::math::camera::{Light, View};
 use crate::pack::light::{Lighting, Phong, Source};
+use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
 use crate::pack::parallel::Sink;
 use crate::pack::splats::{Named, Out, Packed, Plan, Record as _, Writer, count, parts_of};
@@ -207,6 +208,7 @@ struct Eye<'a> {
     half_size: Vec4,
     depth_offset: Vec4,
     lamp: Option<(Phong, Source)>,
+    sphere: Option<SphereLights>,
 }
 
 impl<'a> Eye<'a> {
@@ -242,8 +244,12 @@ impl<'a> Eye<'a> {
             half_size: Vec4::splat(0.5 * plan.threshold_px.max(1.0) / view.focal_px()),
             depth_offset: Vec4::splat(look.depth_offset),
             lamp: match look.light {
-                Lighting::Headlight => None,
+                Lighting::Headlight | Lighting::Sphere(_) => None,
                 Lighting::Phong(phong) => Some((phong, phong.lamp.in_view(view))),
+            },
+            sphere: match look.light {
+                Lighting::Headlight | Lighting::Phong(_) => None,
+                Lighting::Sphere(sphere) => Some(sphere.lights()),
             },
         }
     }
@@ -362,14 +368,14 @@ impl<'a> Eye<'a> {
             record.color[0] = self.base(colors[i]);
             record
         });
-        if let Some((phong, source)) = &self.lamp {
+        if self.lamp.is_some() || self.sphere.is_some() {
             for (lane, record) in records.iter_mut().enumerate() {
                 let of = |v: &Vectors| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
                 let base = record.color[0];
                 let albedo = [0, 8, 16].map(|at| (base >> at & 0xff) as f32 / 255.0);
                 let normal = (colors[lane] >> 24 != 0).then(|| of(&normal));
                 let place = (of(&[x, y, z]), of(&eye));
-                let color = self.in_lamp(phong, *source, place, normal, Vec3::from(albedo));
+                let color = self.in_lamps(place, normal, Vec3::from(albedo));
                 let [r, g, b] = color.to_array().map(|c| (c * 65535.0 + 0.5) as u32);
                 record.color = [r | g << 16, b];
             }
@@ -454,6 +460,26 @@ impl<'a> Eye<'a> {
             ColorBy::Primitive => u32::from_le_bytes([255, 51, 51, 0]),
             _ if self.look.use_colors => color & 0x00ff_ffff,
             _ => 0x00ff_ffff,
+        }
+    }
+
+    /// The value of a surface at a place, with the direction to the eye, in light that is not the headlight.
+    fn in_lamps(&self, place: (Vec3, Vec3), normal: Option<Vec3>, color: Vec3) -> Vec3 {
+        match (&self.sphere, &self.lamp) {
+            (Some(sphere), _) => {
+                let surface = LitSurface {
+                    normal: normal.unwrap_or(Vec3::ZERO),
+                    to_eye: match self.is_perspective {
+                        true => place.1,
+                        false => Vec3::Z,
+                    },
+                    culls_back: self.look.cull_back,
+                    two_sided: self.look.two_sided,
+                };
+                sphere.value(&surface, color)
+            }
+            (None, Some((phong, source))) => self.in_lamp(phong, *source, place, normal, color),
+            (None, None) => color,
         }
     }
 

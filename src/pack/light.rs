@@ -16,6 +16,7 @@
 //! no attenuation.
 
 use crate::math::camera::View;
+use crate::pack::lit_sphere::LitSphere;
 use glam::{DMat4, DVec3};
 
 /// How surfaces are lit.
@@ -26,9 +27,19 @@ pub enum Lighting {
     Headlight,
     /// One lamp.
     Phong(Phong),
+    /// Lamps that go with the camera, and a material.
+    Sphere(LitSphere),
 }
 
 impl Lighting {
+    /// Whether a gray surface is gray in it.
+    pub fn is_gray(self) -> bool {
+        match self {
+            Self::Headlight | Self::Phong(_) => true,
+            Self::Sphere(sphere) => sphere.lights().are_gray(),
+        }
+    }
+
     /// The same light for a model whose zero lies at `origin` in the world: positions relative to it.
     pub fn in_model(self, origin: DVec3) -> Self {
         match self {

@@ -7,6 +7,7 @@ pub(crate) mod for_tests;
 pub mod fuzzy;
 pub mod ids;
 mod light;
+pub mod lit_sphere;
 pub(crate) mod parallel;
 pub mod polygons;
 pub mod small_triangles;

@@ -2,9 +2,11 @@
 
 use crate::abi::{FrameConstants, constants};
 use crate::math::camera::{Light, View};
+use crate::pack::lit_sphere::SphereLights;
 use crate::pack::{ColorBy, Lighting, Phong, Source, falsecolor};
+use crate::render::backdrop::BackgroundGradient;
 use crate::render::model_facts::DrawnFacts;
-use crate::render::{EyeDome, Settings, screen_bounds};
+use crate::render::{AmbientOcclusion, EyeDome, Settings, screen_bounds};
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
 /// What every pass of a frame needs besides its resources.
@@ -119,6 +121,10 @@ pub(crate) fn frame_flags(view: &View, settings: &Settings, cull_back: bool) -> 
             matches!(settings.light, Lighting::Phong(_)),
             constants::FLAG_PHONG,
         ),
+        (
+            matches!(settings.light, Lighting::Sphere(_)),
+            constants::FLAG_LIT_SPHERE,
+        ),
     ] {
         if on {
             flags |= flag;
@@ -137,6 +143,30 @@ pub(crate) fn eye_dome_exponent(settings: &Settings) -> f32 {
         EyeDome::On => EYE_DOME_EXPONENT * settings.eye_dome_strength,
         EyeDome::Auto | EyeDome::Off => 0.0,
     }
+}
+
+/// Power of the openness at strength 1: see `src/render/reference/ambient_occlusion.rs`.
+const OPENNESS_POWER: f32 = 2.0;
+
+/// Value of [`FrameConstants::ambient_occlusion`] of settings that
+/// [`resolve_settings`](crate::render::frame_plan::resolve_settings) gave.
+pub(crate) fn openness_power(settings: &Settings) -> f32 {
+    match settings.ambient_occlusion {
+        AmbientOcclusion::On => OPENNESS_POWER * settings.ambient_occlusion_strength,
+        AmbientOcclusion::Auto | AmbientOcclusion::Off => 0.0,
+    }
+}
+
+/// Lamps, colors and rim of a lit sphere as the uniform block has them.
+fn sphere_words(lights: &SphereLights) -> ([[f32; 4]; 4], [[f32; 4]; 4], [f32; 4]) {
+    let lamp = |i: usize| lights.directions[i].extend(lights.specular[i]).to_array();
+    let color = |i: usize| lights.colors[i].extend(0.0).to_array();
+    let (sky, ground) = (lights.sky.extend(lights.wrap), lights.ground.extend(0.0));
+    (
+        [lamp(0), lamp(1), lamp(2), sky.to_array()],
+        [color(0), color(1), color(2), ground.to_array()],
+        lights.rim.extend(lights.rim_power).to_array(),
+    )
 }
 
 /// The uniform block of a frame.
@@ -158,8 +188,17 @@ pub(crate) fn frame_constants(
     let [ox, oy] = view.offset;
     let phong = match context.light {
         Lighting::Phong(phong) => phong,
+        // Only the exponent is looked at.
+        Lighting::Sphere(sphere) => Phong {
+            shininess: sphere.lights().shininess,
+            ..Phong::default()
+        },
         // Not looked at.
         Lighting::Headlight => Phong::default(),
+    };
+    let (sphere_lamps, sphere_colors, sphere_rim) = match context.light {
+        Lighting::Sphere(sphere) => sphere_words(&sphere.lights()),
+        Lighting::Headlight | Lighting::Phong(_) => Default::default(),
     };
     let lamp = match phong.lamp.in_view(view) {
         Source::Direction(direction) => direction.as_vec3().extend(0.0),
@@ -206,6 +245,17 @@ pub(crate) fn frame_constants(
             view.eye.extend(1.0)
         }
         .to_array(),
+        ambient_occlusion: openness_power(settings),
+        ambient_occlusion_px: settings.ambient_occlusion_radius_px(view.width, view.height),
+        unused: [0.0; 2],
+        sphere_lamps,
+        sphere_colors,
+        sphere_rim,
+        background_change: {
+            let gradient = BackgroundGradient::of(settings);
+            let [red, green, blue] = gradient.map_or([0.0; 3], |gradient| gradient.change);
+            [red, green, blue, 0.0]
+        },
     }
 }
 

@@ -22,7 +22,8 @@ use crate::render::pack_params::{filtered_shade, fuzzy_look, splat_plan};
 use crate::render::supported::{check, check_patches_of, device_cut_refusal, ids_refusal};
 use crate::render::technique::Technique;
 use crate::render::{
-    Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PictureOutputs, Settings,
+    AmbientOcclusion, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PictureOutputs,
+    Settings,
 };
 use crate::tree::Model;
 
@@ -33,7 +34,8 @@ const AS_A_PIXEL_PX: f32 = 1.5;
 
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
 /// what is seen from there is what faces away; thresholds of little more than a pixel are a pixel, where that is better and
-/// faster; and with [`EyeDome::Auto`] points without normals are darkened by what is nearer beside them.
+/// faster; with [`EyeDome::Auto`] points without normals are darkened by what is nearer beside them, and with
+/// [`AmbientOcclusion::Auto`] all others where they lie deep.
 pub fn resolve_settings(settings: &Settings, model: &Model, view: &View) -> Settings {
     let surrounds = |view: &View| surrounds_eye(model, view);
     resolved(settings, &model.into(), view, surrounds)
@@ -73,7 +75,17 @@ pub(crate) fn resolved(
         EyeDome::On => true,
         EyeDome::Off => false,
     };
+    let is_darkened_in_depth = match settings.ambient_occlusion {
+        _ if settings.color_by.is_data() || settings.shows_photos() => false,
+        AmbientOcclusion::Auto => settings.color_by == ColorBy::Shading && !facts.lacks_normals,
+        AmbientOcclusion::On => true,
+        AmbientOcclusion::Off => false,
+    };
     Settings {
+        ambient_occlusion: match is_darkened_in_depth {
+            true => AmbientOcclusion::On,
+            false => AmbientOcclusion::Off,
+        },
         eye_dome: match is_dark_between {
             true => EyeDome::On,
             false => EyeDome::Off,
@@ -325,7 +337,7 @@ impl FramePlan {
                     && !uploads_ids
                     && is_one,
                 binds_vertices: capabilities.binds_vertices,
-                is_gray: is_shaded && !(settings.use_colors && parts.has_colors()),
+                is_gray: settings.shades_gray(parts.has_colors()),
                 are_quads: settings.method == Method::Points && vertex_px > cheapest_px,
             },
             may_use_compute,

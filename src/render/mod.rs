@@ -4,6 +4,7 @@
 //! every technique by the hardware rasterizer and by compute; [`cpu`] is the fast renderer of the processor;
 //! [`mod@reference`] is exact and slow, and the oracle of the tests.
 
+pub(crate) mod backdrop;
 pub(crate) mod backend_choice;
 pub(crate) mod capabilities;
 pub(crate) mod compute_limits;
@@ -38,8 +39,8 @@ pub mod window_renderer;
 
 pub use crate::render::outputs::PictureOutputs;
 pub use crate::render::settings::{
-    Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PhotoDisplay, Reconstruction,
-    Settings, Shading, SplatKind, SumFormat, Traversal,
+    AmbientOcclusion, Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path,
+    PhotoDisplay, Reconstruction, Settings, Shading, SplatKind, SumFormat, Traversal,
 };
 
 pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;

@@ -176,6 +176,20 @@ pub enum EyeDome {
     Off,
 }
 
+/// Whether pixels are darkened that lie deeper than what is around them (ambient occlusion in screen space), so that shape shows
+/// where the light is even.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AmbientOcclusion {
+    /// Of what has normals, in shaded colors.
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    #[default]
+    Off,
+}
+
 /// What of photographs is shown on the surface, where some are given to the renderer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -254,6 +268,13 @@ pub struct Settings {
     pub eye_dome: EyeDome,
     /// How strong that is: 0 to 10, usually 1.
     pub eye_dome_strength: f32,
+    /// Darkening of what lies deep between its surroundings; never of colors that are data.
+    pub ambient_occlusion: AmbientOcclusion,
+    /// How strong that is: 0 to 10, usually 1.
+    pub ambient_occlusion_strength: f32,
+    /// How far around a pixel that looks, 1 to 256 pixels; `None` is the usual part of the picture, see
+    /// [`Settings::ambient_occlusion_radius_px`].
+    pub ambient_occlusion_reach_px: Option<f32>,
     /// Photographs on the surface, in place of its shaded colors.
     pub photos: PhotoDisplay,
     /// Surface that no photograph shows is marked; else it keeps its shaded color.
@@ -270,6 +291,9 @@ pub struct Settings {
     pub use_colors: bool,
     /// Background, red green blue in 0..=1.
     pub background: [f32; 3],
+    /// Background at the lower edge of the picture, where it is not the same everywhere: what lies between changes evenly, and
+    /// is dithered.
+    pub background_bottom: Option<[f32; 3]>,
     /// What "projected diameter" means.
     pub size: SizeMetric,
     /// Draw the cut of this view, held while the camera looks at it from elsewhere; none: that of the view which is drawn.
@@ -299,6 +323,9 @@ impl Default for Settings {
             threshold_px: 1.0,
             eye_dome: EyeDome::Off,
             eye_dome_strength: 1.0,
+            ambient_occlusion: AmbientOcclusion::Off,
+            ambient_occlusion_strength: 1.0,
+            ambient_occlusion_reach_px: None,
             photos: PhotoDisplay::Off,
             marks_uncovered: false,
             culling: Culling::Auto,
@@ -307,6 +334,7 @@ impl Default for Settings {
             two_sided: true,
             use_colors: true,
             background: [0.0; 3],
+            background_bottom: None,
             size: SizeMetric::Exact,
             cut_view: None,
         }
@@ -317,6 +345,12 @@ impl Settings {
     /// Whether the headlight and nothing else decides how bright a surface is: no lamp, and no data as colors.
     pub fn has_headlight(&self) -> bool {
         self.light == Lighting::Headlight && !self.color_by.is_data()
+    }
+
+    /// Whether everything is gray, of models that have colors or none.
+    pub(crate) fn shades_gray(&self, has_colors: bool) -> bool {
+        let is_shaded = self.color_by == ColorBy::Shading;
+        is_shaded && self.light.is_gray() && !(self.use_colors && has_colors)
     }
 
     /// Whether photographs are put on the surface.
@@ -400,6 +434,13 @@ impl Settings {
     /// Whether filtered splats are drawn: they need the sums of the tree ([`crate::tree::Moments`]).
     pub fn draws_filtered(&self) -> bool {
         self.draws_splats() && self.splat == SplatKind::Filtered
+    }
+
+    /// How far around a pixel of a picture of this size ambient occlusion looks, pixels: 4 % of the shorter side, so that
+    /// pictures of one view look alike in any size.
+    pub fn ambient_occlusion_radius_px(&self, width: u32, height: u32) -> f32 {
+        let usual = (0.04 * width.min(height) as f32).clamp(4.0, 64.0);
+        self.ambient_occlusion_reach_px.unwrap_or(usual)
     }
 
     /// Whether splats are drawn as visible centers with a reconstruction between them.

@@ -6,7 +6,9 @@ use crate::pack::splats::Plan;
 use crate::pack::{ColorBy, Footprint, ids};
 use crate::render::model_facts::{DrawnFacts, DrawnParts};
 use crate::render::technique::Technique;
-use crate::render::{Blend, EyeDome, Method, Path, PictureOutputs, Settings, Shading, SplatKind};
+use crate::render::{
+    AmbientOcclusion, Blend, EyeDome, Method, Path, PictureOutputs, Settings, Shading, SplatKind,
+};
 
 /// Refuses by name what `settings` ask for in vain: with these outputs, and points of at most
 /// `max_size_px` (infinite on the mirror).
@@ -57,6 +59,15 @@ pub fn check(settings: &Settings, outputs: PictureOutputs, max_size_px: f32) -> 
                 .into(),
         });
     }
+    check_ambient_occlusion(settings)?;
+    if settings.background_bottom.is_some()
+        && (settings.shows_photos() || settings.color_by == ColorBy::Overdraw)
+    {
+        return Err(Error::Unsupported {
+            what: "a background of two colors",
+            why: "photographs and overdraw have one behind them; give one --background".into(),
+        });
+    }
     let is_device = max_size_px.is_finite();
     if settings.drawn_vertex_splats().is_some() {
         return check_vertex_splats(settings);
@@ -71,6 +82,23 @@ pub fn check(settings: &Settings, outputs: PictureOutputs, max_size_px: f32) -> 
         check_filtered(settings, outputs, max_size_px)?;
     }
     Ok(())
+}
+
+/// Refuses by name where colors are not to be darkened.
+fn check_ambient_occlusion(settings: &Settings) -> Result<(), Error> {
+    let why = if settings.ambient_occlusion != AmbientOcclusion::On {
+        return Ok(());
+    } else if settings.shows_photos() {
+        "photographs have the light that they were taken in; leave --ambient-occlusion or --photos out"
+    } else if settings.color_by.is_data() {
+        "colors by level, normal, depth and overdraw are data and are not darkened; leave --ambient-occlusion out"
+    } else {
+        return Ok(());
+    };
+    Err(Error::Unsupported {
+        what: "ambient occlusion",
+        why: why.into(),
+    })
 }
 
 /// Refuses by name where overdraw cannot be counted.

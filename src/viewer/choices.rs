@@ -3,7 +3,8 @@
 use crate::cut::SizeMetric;
 use crate::pack::ColorBy;
 use crate::render::{
-    Blend, Culling, EyeDome, Method, PhotoDisplay, Reconstruction, Shading, SplatKind,
+    AmbientOcclusion, Blend, Culling, EyeDome, Method, PhotoDisplay, Reconstruction, Shading,
+    SplatKind,
 };
 
 /// A value with its name and what it is, in a sentence.
@@ -152,6 +153,13 @@ pub const EYE_DOMES: &[NamedChoice<EyeDome>] = &[
     (EyeDome::Off, "off", "Nothing"),
 ];
 
+/// What is darkened where its surroundings hide its sky.
+pub const AMBIENT_OCCLUSIONS: &[NamedChoice<AmbientOcclusion>] = &[
+    (AmbientOcclusion::Auto, "auto", "What has normals"),
+    (AmbientOcclusion::On, "on", "Everything"),
+    (AmbientOcclusion::Off, "off", "Nothing"),
+];
+
 /// What of photographs is shown.
 pub const PHOTOGRAPHS: &[NamedChoice<PhotoDisplay>] = &[
     (PhotoDisplay::Off, "off", "The model as it is"),
@@ -198,11 +206,22 @@ pub const COLORS_BY: &[NamedChoice<ColorBy>] = &[
     ),
 ];
 
+/// The color behind the model, and that at the lower edge where it is another.
+pub type BackgroundColors = ([f32; 3], Option<[f32; 3]>);
+
 /// The backgrounds that a key goes through.
-pub const BACKGROUNDS: &[NamedChoice<[f32; 3]>] = &[
-    ([0.0; 3], "black", "Black"),
-    ([128.0 / 255.0; 3], "gray", "Gray"),
-    ([1.0; 3], "white", "White"),
+pub const BACKGROUNDS: &[NamedChoice<BackgroundColors>] = &[
+    (([0.0; 3], None), "black", "Black"),
+    (([128.0 / 255.0; 3], None), "gray", "Gray"),
+    (([1.0; 3], None), "white", "White"),
+    (
+        (
+            [96.0 / 255.0, 108.0 / 255.0, 124.0 / 255.0],
+            Some([24.0 / 255.0, 26.0 / 255.0, 30.0 / 255.0]),
+        ),
+        "gradient",
+        "Bluish gray above, nearly black below",
+    ),
 ];
 
 /// Times that frames are held to while the camera moves, milliseconds.
@@ -265,12 +284,13 @@ mod tests {
         names(METRICS);
         names(CULLINGS);
         names(EYE_DOMES);
+        names(AMBIENT_OCCLUSIONS);
         names(PHOTOGRAPHS);
         names(COLORS_BY);
         names(BACKGROUNDS);
         names(FRAME_TIMES);
         assert_eq!(named(SPLATS, "needle"), None);
-        assert_eq!(name_of(BACKGROUNDS, [0.1; 3]), "other");
+        assert_eq!(name_of(BACKGROUNDS, ([0.1; 3], None)), "other");
     }
 
     #[test]
@@ -283,6 +303,6 @@ mod tests {
             others(SPLATS, SplatKind::Square, true)[0],
             SplatKind::Filtered
         );
-        assert_eq!(others(BACKGROUNDS, [0.3; 3], false).len(), 3);
+        assert_eq!(others(BACKGROUNDS, ([0.3; 3], None), false).len(), 4);
     }
 }

@@ -70,9 +70,11 @@ pub const KEYS: &[KeyGroup] = &[
                 "[ ]",
                 "look from where the previous or next photograph was taken",
             ),
-            ("I", "background: black, gray, white"),
+            ("I", "background: black, gray, white, gradient"),
+            ("Shift Z, Shift X", "scale bar; axes"),
             ("B", "culling of what faces away"),
             ("Shift B", "darken what lies behind its neighbors"),
+            ("Shift A", "darken what lies deep between its surroundings"),
             (
                 "C, Shift C",
                 "next or previous coloring: light, primitives, levels, normals, depth, overdraw",
@@ -87,7 +89,7 @@ pub const KEYS: &[KeyGroup] = &[
     (
         "Light",
         &[
-            ("L", "next light: in the eye, parallel, a lamp"),
+            ("L", "next light: eye, parallel, lamp, studio, materials"),
             (
                 "Shift L",
                 "the lamp goes with the viewer, or stays in the world",
@@ -210,6 +212,12 @@ pub enum Command {
     Culling,
     /// The next kind of eye-dome lighting.
     EyeDome,
+    /// The next kind of ambient occlusion.
+    AmbientOcclusion,
+    /// Switch the bar that tells lengths.
+    ScaleBar,
+    /// Switch the axes.
+    Axes,
     /// The next (1) or previous (-1) coloring.
     ColorBy(i32),
     /// Switch photographs on the model.
@@ -357,9 +365,12 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
         KeyboardKey::PadSubtract => Command::ThresholdBy(-STEP_PX),
         KeyboardKey::Digit(n @ 1..=9) => Command::Threshold(f32::from(n)),
         KeyboardKey::Char(c) => match c {
+            'a' if modifiers.shift => Command::AmbientOcclusion,
             'a' => Command::Method(Method::Triangles),
             's' => Command::Method(Method::Points),
             'd' => Command::Method(Method::Pop),
+            'x' if modifiers.shift => Command::Axes,
+            'z' if modifiers.shift => Command::ScaleBar,
             'x' => Command::Method(Method::Splats),
             'n' => Command::Splat(if modifiers.shift { -1 } else { 1 }),
             'm' => Command::Blend,

@@ -4,6 +4,7 @@
 //! is the same to the bit as one of these angles on the command line.
 
 use crate::math::camera::{Camera, Light};
+use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Lighting, Phong};
 use crate::render::Settings;
 use glam::{DMat4, DVec3};
@@ -17,6 +18,8 @@ pub enum LightKind {
     Parallel,
     /// The lamp.
     Lamp,
+    /// Lamps that go with the camera, and a material.
+    Sphere(LitSphere),
 }
 
 /// The kinds of light.
@@ -36,6 +39,26 @@ pub const KINDS: &[super::choices::NamedChoice<LightKind>] = &[
         "lamp",
         "A lamp that can be moved, with highlights (Phong)",
     ),
+    (
+        LightKind::Sphere(LitSphere::Studio),
+        "studio",
+        "Three lamps that go with the viewer: key, fill and rim light",
+    ),
+    (
+        LightKind::Sphere(LitSphere::Clay),
+        "clay",
+        "Dull reddish brown, in soft light",
+    ),
+    (
+        LightKind::Sphere(LitSphere::Porcelain),
+        "porcelain",
+        "White with small highlights",
+    ),
+    (
+        LightKind::Sphere(LitSphere::Metal),
+        "metal",
+        "Dark below a bright sky, with large highlights",
+    ),
 ];
 
 impl LightKind {
@@ -43,6 +66,7 @@ impl LightKind {
     pub fn of(headlight: Light, lighting: &Lighting) -> Self {
         match (lighting, headlight) {
             (Lighting::Phong(_), _) => Self::Lamp,
+            (Lighting::Sphere(sphere), _) => Self::Sphere(*sphere),
             (Lighting::Headlight, Light::Point) => Self::Eye,
             (Lighting::Headlight, Light::Directional) => Self::Parallel,
         }
@@ -207,6 +231,7 @@ pub fn same_cost(settings: &Settings) -> Settings {
         light: match settings.light {
             Lighting::Headlight => Lighting::Headlight,
             Lighting::Phong(_) => Lighting::Phong(Phong::default()),
+            Lighting::Sphere(_) => Lighting::Sphere(LitSphere::Studio),
         },
         ..*settings
     }

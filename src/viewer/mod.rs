@@ -324,6 +324,8 @@ fn keep(app: &ViewerApp, window: &ViewerWindow) {
             panel: app.has_panel,
             graph: app.has_graph,
             statistics: app.has_statistics,
+            scale_bar: app.marks.scale_bar,
+            axes: app.marks.axes,
             parallel_light: app.has_parallel_light(),
             frame_ms: app.frame_time(),
         },

@@ -7,6 +7,7 @@ use super::help::ACCENT;
 use super::input::{Command, MeasureChange};
 use super::lamp::LightKind;
 use super::text::count;
+use crate::image::MarkChoice;
 use crate::pack::{ColorBy, Lighting};
 use crate::render::stats::FrameCounts;
 use crate::render::stats::OverdrawSummary;
@@ -57,6 +58,8 @@ pub struct PanelState<'a> {
     pub overdraw: Option<OverdrawSummary>,
     /// The threshold of the last frame, and what is known about the time of frames, where that is controlled.
     pub control: Option<(f32, f64, BudgetReport)>,
+    /// Marks over the picture.
+    pub marks: MarkChoice,
     /// The user flies.
     pub is_flying: bool,
     /// Names of the models, and whether each is drawn.
@@ -134,7 +137,8 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     drawing(ui, &mut settings, state, wishes);
     heading(ui, "Look");
     let mut light = state.light;
-    look(ui, &mut settings, &mut light);
+    look::show(ui, &mut settings, &mut light);
+    look::marks(ui, state.marks, wishes);
     if settings.color_by == ColorBy::Overdraw {
         legend(ui, state.overdraw);
     }
@@ -257,7 +261,7 @@ fn model(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
 }
 
 /// A drop-down list of choices.
-fn choose<T: Copy + PartialEq>(
+pub(super) fn choose<T: Copy + PartialEq>(
     ui: &mut Ui,
     what: &str,
     list: &[(T, &str, &str)],
@@ -439,59 +443,6 @@ fn choose_if<T: Copy + PartialEq>(
     ui.end_row();
 }
 
-fn look(ui: &mut Ui, settings: &mut Settings, light: &mut LightKind) {
-    Grid::new("look").num_columns(2).show(ui, |ui| {
-        choose(
-            ui,
-            "light",
-            super::lamp::KINDS,
-            light,
-            "What lights the model (L)",
-        );
-        choose(
-            ui,
-            "culling",
-            choices::CULLINGS,
-            &mut settings.culling,
-            "Whether what faces away is dropped (B)",
-        );
-        choose(
-            ui,
-            "depth cue",
-            choices::EYE_DOMES,
-            &mut settings.eye_dome,
-            "What is darkened where it lies behind its surroundings: eye-dome lighting (Shift B)",
-        );
-        choose(
-            ui,
-            "color by",
-            choices::COLORS_BY,
-            &mut settings.color_by,
-            "What decides the color (C, Shift C)",
-        );
-        let tip = "Color behind the model (I: black, gray, white)";
-        ui.label("background").on_hover_text(tip);
-        ui.horizontal(|ui| {
-            let mut color = settings.background.map(|c| (c * 255.0).round() as u8);
-            if ui
-                .color_edit_button_srgb(&mut color)
-                .on_hover_text(tip)
-                .changed()
-            {
-                settings.background = color.map(|c| f32::from(c) / 255.0);
-            }
-            ui.label(name_of(choices::BACKGROUNDS, settings.background));
-        });
-        ui.end_row();
-    });
-    ui.horizontal(|ui| {
-        ui.checkbox(&mut settings.two_sided, "light both sides")
-            .on_hover_text("Light both sides of a surface, or fronts only (U)");
-        ui.checkbox(&mut settings.use_colors, "vertex colors")
-            .on_hover_text("Multiply by the colors of the vertices (V)");
-    });
-}
-
 /// What the colors of overdraw mean, and the figures of the last frame.
 fn legend(ui: &mut Ui, found: Option<OverdrawSummary>) {
     ui.horizontal(|ui| {
@@ -578,6 +529,7 @@ fn frame(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
 }
 
 mod lamp;
+mod look;
 pub mod measures;
 mod patches;
 mod photographs;

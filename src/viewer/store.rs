@@ -2,6 +2,7 @@
 
 use super::choices::{self, name_of, named};
 use super::lamp;
+use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Lighting, Phong};
 use crate::render::EyeDome;
 use crate::render::Settings;
@@ -34,6 +35,10 @@ pub struct StoredWindow {
     pub graph: bool,
     /// Statistics are in the title.
     pub statistics: bool,
+    /// A bar that tells lengths is shown.
+    pub scale_bar: bool,
+    /// The axes are shown.
+    pub axes: bool,
     /// The headlight is parallel, not a point in the eye.
     pub parallel_light: bool,
     /// Time that frames are held to while the view moves, milliseconds.
@@ -56,10 +61,14 @@ pub struct StoredLook {
     size_metric: String,
     culling: String,
     eye_dome: String,
+    ambient_occlusion: String,
     two_sided: bool,
     colors: bool,
     color_by: String,
     background: [u8; 3],
+    /// Color at the lower edge, where it is another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    background_bottom: Option<[u8; 3]>,
     light: String,
     /// Azimuth and elevation of a lamp that goes with the viewer, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -80,6 +89,8 @@ impl Default for StoredWindow {
             panel: true,
             graph: false,
             statistics: true,
+            scale_bar: false,
+            axes: false,
             parallel_light: false,
             frame_ms: None,
         }
@@ -95,15 +106,21 @@ impl Default for StoredLook {
     }
 }
 
+/// A color as the file has it.
+fn bytes(color: [f32; 3]) -> [u8; 3] {
+    color.map(|c| (c * 255.0).round() as u8)
+}
+
 impl StoredLook {
     /// The words for `settings`.
     pub fn of(settings: &Settings) -> Self {
         let (light, phong) = match settings.light {
             Lighting::Headlight => ("headlight", Phong::default()),
             Lighting::Phong(phong) => ("phong", phong),
+            Lighting::Sphere(sphere) => (sphere.name(), Phong::default()),
         };
         let (light_at, light_position) = match (settings.light, phong.lamp) {
-            (Lighting::Headlight, _) => (None, None),
+            (Lighting::Headlight | Lighting::Sphere(_), _) => (None, None),
             (_, Lamp::FromCamera { azimuth, elevation }) => (
                 Some([lamp::degrees(azimuth), lamp::degrees(elevation)]),
                 None,
@@ -127,10 +144,13 @@ impl StoredLook {
             size_metric: name_of(choices::METRICS, settings.size).into(),
             culling: name_of(choices::CULLINGS, settings.culling).into(),
             eye_dome: name_of(choices::EYE_DOMES, settings.eye_dome).into(),
+            ambient_occlusion: name_of(choices::AMBIENT_OCCLUSIONS, settings.ambient_occlusion)
+                .into(),
             two_sided: settings.two_sided,
             colors: settings.use_colors,
             color_by: name_of(choices::COLORS_BY, settings.color_by).into(),
-            background: settings.background.map(|c| (c * 255.0).round() as u8),
+            background: bytes(settings.background),
+            background_bottom: settings.background_bottom.map(bytes),
         }
     }
 
@@ -174,10 +194,17 @@ impl StoredLook {
             size: choice("size_metric", choices::METRICS, &self.size_metric)?,
             culling: choice("culling", choices::CULLINGS, &self.culling)?,
             eye_dome: choice("eye_dome", choices::EYE_DOMES, &self.eye_dome)?,
+            ambient_occlusion: choice(
+                "ambient_occlusion",
+                choices::AMBIENT_OCCLUSIONS,
+                &self.ambient_occlusion,
+            )?,
             two_sided: self.two_sided,
             use_colors: self.colors,
             color_by: choice("color_by", choices::COLORS_BY, &self.color_by)?,
             background: self.background.map(|c| f32::from(c) / 255.0),
+            background_bottom: (self.background_bottom)
+                .map(|color| color.map(|c| f32::from(c) / 255.0)),
             ..Settings::default()
         })
     }
@@ -186,12 +213,15 @@ impl StoredLook {
 impl StoredLook {
     /// The light of these words.
     fn lighting(&self) -> Result<Lighting, String> {
+        let sphere = LitSphere::ALL.into_iter().find(|s| s.name() == self.light);
         let is_lamp = match self.light.as_str() {
             "headlight" => false,
             "phong" => true,
+            _ if sphere.is_some() => false,
             other => {
+                let spheres = LitSphere::ALL.map(LitSphere::name).join(", ");
                 return Err(format!(
-                    "look.light is {other:?}; it may be headlight, phong"
+                    "look.light is {other:?}; it may be headlight, phong, {spheres}"
                 ));
             }
         };
@@ -219,7 +249,7 @@ impl StoredLook {
             within("light_position", *value, -lamp::FARTHEST, lamp::FARTHEST)?;
         }
         if !is_lamp {
-            return Ok(Lighting::Headlight);
+            return Ok(sphere.map_or(Lighting::Headlight, Lighting::Sphere));
         }
         Ok(Lighting::Phong(Phong {
             lamp: match (self.light_position, self.light_at) {
@@ -323,7 +353,9 @@ mod tests {
     use super::*;
     use crate::cut::SizeMetric;
     use crate::pack::ColorBy;
-    use crate::render::{Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind};
+    use crate::render::{
+        AmbientOcclusion, Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind,
+    };
 
     #[test]
     fn what_was_saved_is_loaded() {
@@ -348,10 +380,12 @@ mod tests {
             depth_offset: Some(0.5),
             culling: Culling::Off,
             eye_dome: EyeDome::On,
+            ambient_occlusion: AmbientOcclusion::On,
             two_sided: false,
             use_colors: false,
             color_by: ColorBy::Primitive,
             background: [1.0, 0.2, 0.0],
+            background_bottom: Some([0.0, 0.2, 0.4]),
             size: SizeMetric::Area,
             light: Lighting::Phong(Phong {
                 lamp: lamp::from_camera(-123.4, 56.7),
@@ -368,6 +402,8 @@ mod tests {
                 panel: false,
                 graph: true,
                 statistics: false,
+                scale_bar: true,
+                axes: true,
                 parallel_light: true,
                 frame_ms: Some(33.0),
             },

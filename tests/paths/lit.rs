@@ -3,6 +3,7 @@
 use super::{passes, pictures};
 use glam::DVec3;
 use surfel::math::camera::View;
+use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
 use surfel::render::engine::Engine;
 use surfel::render::{Path, Settings, SplatKind};
@@ -18,6 +19,7 @@ pub(crate) fn assert_same(theirs: &mut Engine<'_>, ours: &mut Engine<'_>, view: 
         for (light, color_by) in [
             (Lighting::Phong(Phong::default()), ColorBy::Shading),
             (Lighting::Phong(at_a_point), ColorBy::Primitive),
+            (Lighting::Sphere(LitSphere::Porcelain), ColorBy::Shading),
             (Lighting::Headlight, ColorBy::Level),
             (Lighting::Headlight, ColorBy::Normal),
             (Lighting::Headlight, ColorBy::Depth),

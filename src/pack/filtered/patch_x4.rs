@@ -357,7 +357,7 @@ impl Eye<'_> {
 
     /// Whether [`lit`](Self::lit) knows the color.
     pub(super) fn is_plain(&self) -> bool {
-        self.lamp.is_none() && !self.shade.color_by.is_data()
+        self.lamp.is_none() && self.sphere.is_none() && !self.shade.color_by.is_data()
     }
 
     /// Colors in the headlight.
@@ -375,6 +375,9 @@ impl Eye<'_> {
     fn color(&self, patch: &Patch, center: Vec3, v: Vec3, both: f32) -> [f32; 3] {
         let own = || [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0);
         let lit = |base: [f32; 3]| {
+            if let Some(sphere) = &self.sphere {
+                return self.on_sphere(sphere, patch, v, base);
+            }
             let (lambert, highlight) = match &self.lamp {
                 Some((phong, source)) if !patch.is_bare => {
                     self.in_lamp(phong, *source, patch, center, v, both)

@@ -4,6 +4,7 @@
 use crate::abi::FrameConstants;
 use crate::abi::constants::FLAG_ORTHOGRAPHIC;
 use crate::pack::parallel;
+use crate::render::cpu::darken::{DrawnRectangle, darken_value, darkened_word, exp2, log2};
 use fearless_simd::{Level, dispatch};
 
 /// Rows and columns that a neighbor is away at most, pixels.
@@ -31,18 +32,6 @@ const NOWHERE: f32 = f32::MAX;
 #[derive(Debug, Default)]
 pub(crate) struct EyeDome {
     levels: Vec<f32>,
-}
-
-/// The picture of a rectangle, drawn.
-pub(crate) struct DrawnRectangle<'a> {
-    /// From the first pixel of the rectangle on: red in the lowest byte, coverage in the highest.
-    pub(crate) colors: &'a mut [u32],
-    /// From a row of colors to the next, pixels.
-    pub(crate) pitch: usize,
-    /// Reversed depths, row by row; 0 where nothing is.
-    pub(crate) depths: &'a [f32],
-    /// Width, pixels.
-    pub(crate) width: usize,
 }
 
 impl EyeDome {
@@ -156,7 +145,7 @@ fn darken_row(params: &ShadeParams, around: &[f32], stride: usize, colors: &mut 
     let row = |[rows, column]: [usize; 2]| &around[rows * stride + column..][..width];
     let neighbors = NEIGHBORS.map(row);
     let own = row([REACH, REACH]);
-    let [red, green, blue] = params.background.map(|value| 255.0 * value);
+    let background = params.background.map(|value| 255.0 * value);
     for (x, color) in colors.iter_mut().enumerate() {
         let level = own[x];
         let mut nearer = 0.0;
@@ -164,18 +153,7 @@ fn darken_row(params: &ShadeParams, around: &[f32], stride: usize, colors: &mut 
             nearer += (level - neighbor[x]).max(0.0);
         }
         let light = exp2(-params.exponent * nearer);
-        let word = *color;
-        let alpha = word >> 24;
-        let open = 1.0 - alpha as f32 * (1.0 / 255.0);
-        let byte = |shift: u32, background: f32| {
-            let value = (word >> shift & 255) as f32;
-            let behind = background * open;
-            let darkened = behind + (value - behind) * light;
-            (darkened.clamp(0.0, 255.0) + 0.5) as u32
-        };
-        let darkened = byte(0, red) | byte(8, green) << 8 | byte(16, blue) << 16 | alpha << 24;
-        let is_drawn = level < NOWHERE && alpha > 0;
-        *color = if is_drawn { darkened } else { word };
+        *color = darkened_word(*color, light, background, level < NOWHERE);
     }
 }
 
@@ -191,41 +169,8 @@ fn darken_values(params: &ShadeParams, around: &[f32], stride: usize, values: &m
         let neighbors = NEIGHBORS.map(|[row, column]| level_at(row, x + column));
         let nearer: f32 = neighbors.iter().map(|near| (level - near).max(0.0)).sum();
         let light = exp2(-params.exponent * nearer);
-        for (color, background) in value.iter_mut().zip(params.background) {
-            let behind = background * (1.0 - alpha);
-            *color = behind + (*color - behind) * light;
-        }
+        darken_value(value, light, params.background);
     }
-}
-
-/// The binary logarithm of a positive, normal number; off by less than 2e-7 of 1 and of its size.
-#[inline(always)]
-fn log2(value: f32) -> f32 {
-    // To a mantissa between the roots of a half and of 2.
-    const ROOT_OF_HALF: u32 = 0x3f35_04f3;
-    let bits = value.to_bits().wrapping_sub(ROOT_OF_HALF);
-    let exponent = (bits as i32) >> 23;
-    let mantissa = f32::from_bits((bits & 0x007f_ffff) + ROOT_OF_HALF);
-    // 2 artanh(t) / ln 2 with t = (m - 1) / (m + 1), of which |t| < 0.172.
-    let t = (mantissa - 1.0) / (mantissa + 1.0);
-    let square = t * t;
-    let series = 1.0 + square * (1.0 / 3.0 + square * (1.0 / 5.0 + square * (1.0 / 7.0)));
-    exponent as f32 + std::f32::consts::LOG2_E * 2.0 * t * series
-}
-
-/// 2 to a power that is not above 0; off by less than 1e-6.
-#[inline(always)]
-fn exp2(power: f32) -> f32 {
-    let power = power.max(-126.0);
-    let whole = power.floor();
-    let x = (power - whole) * std::f32::consts::LN_2;
-    // The series of the exponential up to the seventh power.
-    let series = 1.0
-        + x * (1.0
-            + x * (1.0 / 2.0
-                + x * (1.0 / 6.0
-                    + x * (1.0 / 24.0 + x * (1.0 / 120.0 + x * (1.0 / 720.0 + x / 5040.0))))));
-    series * f32::from_bits(((whole as i32 + 127) as u32) << 23)
 }
 
 #[cfg(test)]
@@ -234,21 +179,6 @@ mod tests {
     use crate::image::Image;
     use crate::render::reference::eye_dome::darken;
     use bytemuck::Zeroable;
-
-    #[test]
-    fn logarithm_and_power_are_those_of_the_library() {
-        for i in 1..200_000u32 {
-            let value = 1e-6 * f32::powi(1.000_2, i as i32);
-            let wanted = f64::from(value).log2();
-            let off = (f64::from(log2(value)) - wanted).abs();
-            assert!(off < 2e-7 * (1.0 + wanted.abs()), "{value}: {off}");
-            let power = -1e-4 * i as f32;
-            let off = f64::from(exp2(power)) - f64::from(power).exp2();
-            assert!(off.abs() < 1e-6, "{power}: {off}");
-        }
-        assert_eq!((log2(1.0), exp2(0.0)), (0.0, 1.0));
-        assert!(exp2(-1e30) < 1e-30);
-    }
 
     /// Steps and slopes in a rectangle within a larger picture, with holes and half covered pixels.
     #[test]

@@ -4,10 +4,11 @@
 
 use crate::abi::constants::{
     FLAG_COLOR_BY_DEPTH, FLAG_COLOR_BY_LEVEL, FLAG_COLOR_BY_NORMAL, FLAG_COLOR_BY_PRIMITIVE,
-    FLAG_CULLS_BACK, FLAG_ORTHOGRAPHIC, FLAG_PHONG, FLAG_TWO_SIDED, FLAG_USE_COLORS,
-    FULL_HIGHLIGHT, LEAST_BACK,
+    FLAG_CULLS_BACK, FLAG_LIT_SPHERE, FLAG_ORTHOGRAPHIC, FLAG_PHONG, FLAG_TWO_SIDED,
+    FLAG_USE_COLORS, FULL_HIGHLIGHT, LEAST_BACK,
 };
 use crate::abi::{FrameConstants, OrientedPolygon, Splat};
+use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::{ALBEDO, falsecolor};
 use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 
@@ -20,7 +21,8 @@ pub(super) const TRIANGLE_TINT: Vec3 = Vec3::new(0.2, 0.35, 1.0);
 pub(super) const PATCH_TINT: Vec3 = Vec3::new(0.25, 0.9, 0.35);
 
 /// Frames with any of these show more than the headlight.
-const OTHERS: u32 = FLAG_PHONG | FLAG_COLOR_BY_LEVEL | FLAG_COLOR_BY_NORMAL | FLAG_COLOR_BY_DEPTH;
+const OTHERS: u32 =
+    FLAG_PHONG | FLAG_LIT_SPHERE | FLAG_COLOR_BY_LEVEL | FLAG_COLOR_BY_NORMAL | FLAG_COLOR_BY_DEPTH;
 
 /// The part of a frame that decides what surfaces look like.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +46,8 @@ pub(crate) struct FrameShading {
     shininess: f32,
     /// Distances along the view direction.
     depth_range: [f32; 2],
+    /// Of frames with such a light.
+    sphere: SphereLights,
 }
 
 /// A point of a surface, shaded.
@@ -87,6 +91,7 @@ impl FrameShading {
             specular: frame.specular,
             shininess: frame.shininess,
             depth_range: frame.depth_range,
+            sphere: SphereLights::of_frame(frame),
         }
     }
 
@@ -139,11 +144,16 @@ impl FrameShading {
         } else {
             let at = self.view_from_model.transform_point3(position);
             let shown = self.other(at, self.turn * unit / self.model_scale, color, tint);
-            match self.has(FLAG_PHONG) {
-                // What comes from everywhere falls on a rough surface too.
-                true => (self.albedo(color, tint) * self.ambient).lerp(shown, share),
-                false => shown,
-            }
+            // What comes from everywhere falls on a rough surface too.
+            let everywhere = match (self.has(FLAG_PHONG), self.has(FLAG_LIT_SPHERE)) {
+                (true, _) => Some(self.albedo(color, tint) * self.ambient),
+                (_, true) => Some(
+                    self.sphere
+                        .everywhere_light(self.albedo(color, tint) / ALBEDO),
+                ),
+                _ => None,
+            };
+            everywhere.map_or(shown, |everywhere| everywhere.lerp(shown, share))
         };
         ShadedPoint {
             color,
@@ -224,8 +234,25 @@ impl FrameShading {
         } else if self.has(FLAG_COLOR_BY_DEPTH) {
             let [near, far] = self.depth_range;
             falsecolor::ramp((far + at.z) / (far - near)).into()
+        } else if self.has(FLAG_LIT_SPHERE) {
+            let surface = LitSurface {
+                normal,
+                to_eye: self.eye_direction(at),
+                culls_back: self.has(FLAG_CULLS_BACK),
+                two_sided: self.has(FLAG_TWO_SIDED),
+            };
+            self.sphere
+                .value(&surface, self.albedo(color, tint) / ALBEDO)
         } else {
             self.in_lamp(at, normal, self.albedo(color, tint))
+        }
+    }
+
+    /// Unit vector from a point of view space to the eye.
+    fn eye_direction(&self, at: Vec3) -> Vec3 {
+        match self.has(FLAG_ORTHOGRAPHIC) {
+            true => Vec3::Z,
+            false => -unit_or_zero(at),
         }
     }
 
@@ -233,10 +260,7 @@ impl FrameShading {
         if normal == Vec3::ZERO {
             return albedo;
         }
-        let to_eye = match self.has(FLAG_ORTHOGRAPHIC) {
-            true => Vec3::Z,
-            false => -unit_or_zero(at),
-        };
+        let to_eye = self.eye_direction(at);
         let to_lamp = unit_or_zero(self.lamp.truncate() - self.lamp.w * at);
         let is_back = !self.has(FLAG_CULLS_BACK) && normal.dot(to_eye) < -LEAST_BACK;
         // The side that is seen is the other one; lit from the front only, it has no light of the lamp.

@@ -1,7 +1,9 @@
 //! The fast renderer of the processor: opaque squares and discs, filtered splats and triangles, by vectors as wide as the
 //! processor has them.
 
+pub(crate) mod ambient_occlusion;
 pub(crate) mod clip;
+pub(crate) mod darken;
 pub(crate) mod eye_dome;
 pub mod filtered;
 pub(crate) mod float_planes;

@@ -1,5 +1,6 @@
 //! Whole frames on the processor: cut, pack and draw, triangles of any size included. No device is needed.
 
+mod looks;
 mod polygons;
 mod surfaces;
 
@@ -13,7 +14,9 @@ use crate::pack::small_triangles;
 use crate::pack::small_triangles::LargeTriangles;
 use crate::pack::splats::Plan;
 use crate::patches::PatchRaster;
-use crate::render::cpu::eye_dome::{DrawnRectangle, EyeDome};
+use crate::render::backdrop::BackgroundGradient;
+use crate::render::cpu::ambient_occlusion::AmbientOcclusionLook;
+use crate::render::cpu::eye_dome::EyeDome;
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
 use crate::render::cpu::filtered::{Canvas, GroupedSplats};
@@ -84,6 +87,9 @@ pub struct CpuRenderer {
     planes: FloatPlanes,
     rect_px: [u32; 4],
     eye_dome: EyeDome,
+    ambient_occlusion: AmbientOcclusionLook,
+    /// That of the last frame.
+    gradient: Option<BackgroundGradient>,
 }
 
 /// What of a frame is drawn, counted.
@@ -123,6 +129,8 @@ impl CpuRenderer {
             planes: FloatPlanes::default(),
             rect_px: [0; 4],
             eye_dome: EyeDome::default(),
+            ambient_occlusion: AmbientOcclusionLook::default(),
+            gradient: None,
         }
     }
 
@@ -216,18 +224,7 @@ impl CpuRenderer {
             _ if self.needs_surfaces(settings) => self.draw_surfaces(&frame, &light, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
-        if plan.constants.eye_dome > 0.0 {
-            let [left, _, right, _] = context.rect_px;
-            let pitch = pixels.pitch;
-            let picture = DrawnRectangle {
-                colors: pixels.from(context.rect_px),
-                pitch,
-                depths: &self.depths[..rect_pixels],
-                width: (right - left) as usize,
-            };
-            let values = self.planes.planes().values;
-            self.eye_dome.darken(&plan.constants, picture, values);
-        }
+        self.look(plan, &mut pixels, area);
         packing.end(&mut times);
         times.host_ms = times.pack_ms;
         times.counts = FrameCounts {
@@ -460,8 +457,7 @@ impl CpuRenderer {
         debug_assert!(is_lit, "there is a light");
         let canvas = Canvas {
             rect_px: frame.context.rect_px,
-            is_gray: settings.color_by == ColorBy::Shading
-                && !(settings.use_colors && frame.drawn.has_colors()),
+            is_gray: settings.shades_gray(frame.drawn.has_colors()),
         };
         let (count, words) = (canvas.pixels(), canvas.pixels() * canvas.words());
         self.front.resize(count.max(self.front.len()), 0);
@@ -544,13 +540,17 @@ impl CpuRenderer {
             }
             false => Vec::new(),
         };
+        let mut values = self.planes.whole_values(self.size);
+        if let Some(gradient) = &self.gradient {
+            gradient.put_behind_values(&mut values, self.size.map(|side| side as usize));
+        }
         Image {
             width,
             height,
             color,
             depth,
             normal: self.planes.whole_normals(self.size),
-            values: self.planes.whole_values(self.size),
+            values,
         }
     }
 }

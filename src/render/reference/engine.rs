@@ -9,11 +9,13 @@ use crate::pack::falsecolor::depth_range;
 use crate::pack::splats::Record;
 use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, Style};
 use crate::render::PictureOutputs;
+use crate::render::backdrop::BackgroundGradient;
 use crate::render::cut_key::CutKey;
-use crate::render::frame_constants::eye_dome_exponent;
+use crate::render::frame_constants::{eye_dome_exponent, openness_power};
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, largest_splat_px, splat_plan};
 use crate::render::part_cuts::PartCuts;
+use crate::render::reference::ambient_occlusion::PixelSurroundings;
 use crate::render::reference::eye_dome::darken;
 use crate::render::reference::{BlendPasses, HoleFilling, OverdrawList, PolygonList};
 use crate::render::stats::FrameCounts;
@@ -189,8 +191,10 @@ impl MirrorEngine {
         let points = lists.points();
         let textures = lists.textures.as_ref().map(JoinedTextures::list);
         let eye_dome = eye_dome_exponent(settings);
+        let openness_power = openness_power(settings);
+        let is_darkened = eye_dome > 0.0 || openness_power > 0.0;
         let outputs = PictureOutputs {
-            depth: self.outputs.depth || eye_dome > 0.0,
+            depth: self.outputs.depth || is_darkened,
             ..self.outputs
         };
         let opaque = DrawList {
@@ -252,11 +256,19 @@ impl MirrorEngine {
             }
         };
         self.image = image;
+        if openness_power > 0.0 {
+            let radius_px = settings.ambient_occlusion_radius_px(view.width, view.height);
+            let around = PixelSurroundings::new(view, radius_px);
+            around.darken(&mut self.image, settings.background, openness_power);
+        }
         if eye_dome > 0.0 {
             darken(&mut self.image, settings.background, eye_dome);
-            if !self.outputs.depth {
-                self.image.depth = Vec::new();
-            }
+        }
+        if is_darkened && !self.outputs.depth {
+            self.image.depth = Vec::new();
+        }
+        if let Some(gradient) = BackgroundGradient::of(settings) {
+            gradient.put_behind(&mut self.image);
         }
         self.counts = (settings.color_by == ColorBy::Overdraw)
             .then(|| crate::render::reference::count_overdraw(view, list, style));

@@ -21,6 +21,7 @@
 //! what a fragment makes of a pixel stands with the technique: `opaque`, `fuzzy`, `filtered`, `visibility` and
 //! `overdraw`.
 
+pub(in crate::render) mod ambient_occlusion;
 mod bands;
 mod clip;
 mod disc;

@@ -5,9 +5,10 @@ use crate::abi::Splat;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
+use crate::pack::lit_sphere::SphereLights;
 use crate::pack::{ALBEDO, ColorBy, Lighting, Phong, Source, Style, falsecolor};
 use crate::render::reference::bands::ShownPixel;
-use glam::{DVec3, DVec4, Vec3};
+use glam::{DMat3, DQuat, DVec3, DVec4, Vec3};
 
 /// Tints of [`ColorBy::Primitive`].
 pub(super) const SPLAT_TINT: DVec3 = DVec3::new(1.0, 0.2, 0.2);
@@ -58,6 +59,10 @@ pub(super) struct SurfaceShading {
     light: Source,
     /// What surfaces make of the lamp; none with the headlight.
     phong: Option<Phong>,
+    /// Lights that go with the camera.
+    sphere: Option<SphereLights>,
+    /// View space from model space, of directions.
+    turn: DMat3,
     /// Where the eye is, or the direction to it in an orthographic view.
     eye: Source,
     /// What faces away is culled, so every normal counts as one that faces the eye.
@@ -81,11 +86,17 @@ impl SurfaceShading {
         Self {
             light: match (style.light, view.light) {
                 (Lighting::Phong(phong), _) => phong.lamp.in_model(view),
-                (Lighting::Headlight, Light::Point) => eye,
-                (Lighting::Headlight, Light::Directional) => backward,
+                (_, Light::Point) => eye,
+                (_, Light::Directional) => backward,
             },
+            sphere: match style.light {
+                Lighting::Sphere(sphere) => Some(sphere.lights()),
+                Lighting::Headlight | Lighting::Phong(_) => None,
+            },
+            turn: DMat3::from_mat4(view.view_from_model.as_dmat4())
+                * f64::from(view.model_scale).recip(),
             phong: match style.light {
-                Lighting::Headlight => None,
+                Lighting::Headlight | Lighting::Sphere(_) => None,
                 Lighting::Phong(phong) => Some(phong),
             },
             eye,
@@ -131,6 +142,12 @@ impl SurfaceShading {
             let from_everywhere = albedo * color * f64::from(phong.ambient);
             return from_everywhere * (1.0 - light_share) + lit * light_share;
         }
+        if let Some(sphere) = &self.sphere {
+            let to_eye = toward(self.eye, position);
+            let lit = self.on_sphere(sphere, to_eye, normal, albedo * color);
+            let everywhere = albedo * color * 0.5 * (sphere.sky + sphere.ground).as_dvec3();
+            return everywhere * (1.0 - light_share) + lit * light_share;
+        }
         let cosine = if normal == DVec3::ZERO {
             1.0
         } else {
@@ -173,6 +190,41 @@ impl SurfaceShading {
             (ColorBy::Shading, _) if self.use_colors => color,
             _ => DVec3::ONE,
         }
+    }
+
+    /// The equation of [`crate::pack::lit_sphere`]. The frame of the eye has its z axis there, and the axes of the picture turned
+    /// with it about the axis across both.
+    fn on_sphere(
+        &self,
+        lights: &SphereLights,
+        to_eye: DVec3,
+        normal: DVec3,
+        albedo: DVec3,
+    ) -> DVec3 {
+        let (normal, to_eye) = (self.turn * normal, self.turn * to_eye);
+        let shows_back = !self.culls_back && normal.dot(to_eye) < -f64::from(LEAST_BACK);
+        let turned = DQuat::from_rotation_arc(to_eye.normalize_or_zero(), DVec3::Z) * normal;
+        let (n, is_lit) = match (normal == DVec3::ZERO, shows_back, self.two_sided) {
+            (true, ..) => (DVec3::Z, 1.0),
+            (_, false, _) => (turned, 1.0),
+            (_, true, true) => (-turned, 1.0),
+            (_, true, false) => (DVec3::ZERO, 0.0),
+        };
+        let (sky, ground) = (lights.sky.as_dvec3(), lights.ground.as_dvec3());
+        let mut value = albedo * ground.lerp(sky, (1.0 + n.y) / 2.0);
+        for i in 0..3 {
+            let direction = lights.directions[i].as_dvec3();
+            let wrap = f64::from(lights.wrap);
+            let diffuse = ((n.dot(direction) + wrap) / (1.0 + wrap)).max(0.0);
+            value += albedo * lights.colors[i].as_dvec3() * diffuse * is_lit;
+            let half = (direction + DVec3::Z).normalize_or_zero();
+            let rise = (n.dot(direction) / f64::from(FULL_HIGHLIGHT)).clamp(0.0, 1.0);
+            let highlight = n.dot(half).max(0.0).powf(f64::from(lights.shininess));
+            value += f64::from(lights.specular[i]) * rise * highlight;
+        }
+        let rim = (1.0 - n.z.clamp(0.0, 1.0)).powf(f64::from(lights.rim_power));
+        value += lights.rim.as_dvec3() * rim * is_lit;
+        value.min(DVec3::ONE)
     }
 
     /// Ambient and diffuse light on the albedo, and the highlight (Blinn, 1977).

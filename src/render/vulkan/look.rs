@@ -4,7 +4,7 @@ use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::{Error, Gpu};
 use crate::render::frame_plan::FramePlan;
-use crate::render::vulkan::eye_dome::EyeDomePass;
+use crate::render::vulkan::look_pass::{LookPass, LookRule};
 use crate::render::vulkan::photos::DevicePhotos;
 use crate::render::vulkan::photos::pass::PhotoPass;
 use crate::render::vulkan::targets::FrameTargets;
@@ -13,11 +13,10 @@ use std::sync::Arc;
 /// The looks of pictures of one size, made when a frame first has them.
 #[derive(Debug, Default)]
 pub(super) struct PictureLooks {
-    eye_dome: Option<EyeDomePass>,
-    /// The last frame had eye-dome lighting.
-    is_darkened: bool,
+    /// One after the other, each with whether the last frame had it.
+    passes: [(Option<LookPass>, bool); 3],
     photos: Option<PhotoPass>,
-    /// The last frame had photographs; it is not darkened then.
+    /// The last frame had photographs; it has no other look then.
     has_photos: bool,
 }
 
@@ -43,9 +42,23 @@ impl PictureLooks {
             let made = self.photos.take();
             self.photos = Some(PhotoPass::ready(made, gpu, targets, plan, photos)?);
         }
-        self.is_darkened = plan.constants.eye_dome > 0.0;
-        if self.is_darkened && self.eye_dome.is_none() {
-            self.eye_dome = Some(EyeDomePass::new(gpu, targets)?);
+        let constants = &plan.constants;
+        let rules = [
+            (
+                LookRule::AmbientOcclusion,
+                constants.ambient_occlusion > 0.0,
+            ),
+            (LookRule::EyeDome, constants.eye_dome > 0.0),
+            (
+                LookRule::Background,
+                plan.settings.background_bottom.is_some(),
+            ),
+        ];
+        for ((pass, is_on), (rule, is_wanted)) in self.passes.iter_mut().zip(rules) {
+            *is_on = is_wanted;
+            if *is_on && pass.is_none() {
+                *pass = Some(LookPass::new(rule, gpu, targets)?);
+            }
         }
         Ok(())
     }
@@ -53,7 +66,8 @@ impl PictureLooks {
     /// Forgets the last frame: what is drawn next is the picture itself.
     #[cfg(feature = "viewer")]
     pub(super) fn forget(&mut self) {
-        (self.is_darkened, self.has_photos) = (false, false);
+        self.has_photos = false;
+        self.passes.iter_mut().for_each(|(_, is_on)| *is_on = false);
     }
 
     /// Records the looks of a frame, whose technique is recorded.
@@ -70,17 +84,25 @@ impl PictureLooks {
         if let (true, Some(pass)) = (self.has_photos, &self.photos) {
             pass.record(frame, targets, plan, constants)?;
         }
-        if let (true, Some(pass)) = (self.is_darkened, &self.eye_dome) {
-            pass.record(frame, targets, &plan.context, constants);
+        let mut picture = targets.color();
+        for pass in self.present_passes() {
+            pass.record(frame, (picture, targets), &plan.context, constants);
+            picture = pass.picture();
         }
         Ok(())
     }
 
+    /// The passes of the last frame, in order.
+    fn present_passes(&self) -> impl Iterator<Item = &LookPass> {
+        let passes = self.passes.iter().filter(|(_, is_on)| *is_on);
+        passes.filter_map(|(pass, _)| pass.as_ref())
+    }
+
     /// The picture of the last frame, as its looks left it.
     pub(super) fn picture<'a>(&'a self, targets: &'a FrameTargets) -> &'a Target {
-        match (&self.eye_dome, &self.photos) {
+        match (self.present_passes().last(), &self.photos) {
             (_, Some(pass)) if self.has_photos => pass.picture(),
-            (Some(pass), _) if self.is_darkened => pass.picture(),
+            (Some(pass), _) => pass.picture(),
             _ => targets.color(),
         }
     }

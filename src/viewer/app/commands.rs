@@ -101,9 +101,13 @@ impl ViewerApp {
             }),
             Command::Background => {
                 let list = choices::BACKGROUNDS;
-                self.step(list, old.background, false, |background| Settings {
-                    background,
-                    ..old
+                let now = (old.background, old.background_bottom);
+                self.step(list, now, false, |(background, background_bottom)| {
+                    Settings {
+                        background,
+                        background_bottom,
+                        ..old
+                    }
                 });
             }
             Command::SizeMetric => self.step(choices::METRICS, old.size, false, |size| Settings {
@@ -113,6 +117,17 @@ impl ViewerApp {
             Command::EyeDome => self.step(choices::EYE_DOMES, old.eye_dome, false, |eye_dome| {
                 Settings { eye_dome, ..old }
             }),
+            Command::AmbientOcclusion => {
+                let list = choices::AMBIENT_OCCLUSIONS;
+                self.step(list, old.ambient_occlusion, false, |ambient_occlusion| {
+                    Settings {
+                        ambient_occlusion,
+                        ..old
+                    }
+                });
+            }
+            Command::ScaleBar => self.marks.scale_bar = !self.marks.scale_bar,
+            Command::Axes => self.marks.axes = !self.marks.axes,
             Command::Culling => self.wish(Settings {
                 culling: if old.culls_back(is_closed) {
                     Culling::Off
@@ -330,7 +345,8 @@ impl ViewerApp {
 
     /// Writes the picture, without what covers it.
     pub(in crate::viewer) fn save(&mut self, path: &Path) -> Result<(), Error> {
-        if let Some(image) = self.screen.read()? {
+        if let Some(mut image) = self.screen.read()? {
+            self.picture_marks().draw_over_bytes(&mut image);
             image.save_png(path)?;
         }
         Ok(())
@@ -381,10 +397,13 @@ impl ViewerApp {
             settings.threshold_px = self.held_px;
         }
         match self.screen.photo(&settings, &camera) {
-            Ok(Some(image)) => match image.save_png(&path) {
-                Ok(()) => self.inform(&format!("wrote {}", path.display())),
-                Err(error) => self.warn(&error.to_string()),
-            },
+            Ok(Some(mut image)) => {
+                self.marks_of(&camera).draw_over_bytes(&mut image);
+                match image.save_png(&path) {
+                    Ok(()) => self.inform(&format!("wrote {}", path.display())),
+                    Err(error) => self.warn(&error.to_string()),
+                }
+            }
             Ok(None) => {}
             // A device that was lost is noticed by the next frame.
             Err(error) if way_after(&error) == RecoveryWay::End => return Err(error.into()),

@@ -29,6 +29,7 @@ impl ViewerApp {
                 Lighting::Headlight
             }
             LightKind::Lamp => Lighting::Phong(self.lamp),
+            LightKind::Sphere(sphere) => Lighting::Sphere(sphere),
         };
         self.wish(Settings {
             light,

@@ -23,6 +23,7 @@ use super::screen::WindowScreen;
 use super::ui::PanelInterface;
 use super::{Error, RunFigures, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
+use crate::image::MarkChoice;
 use crate::math::camera::{Camera, Light};
 use crate::math::up_axis::UpAxis;
 use crate::mesh::attributes::PointAttributes;
@@ -124,6 +125,8 @@ pub(super) struct ViewerApp {
     has_help: bool,
     pub(super) has_graph: bool,
     pub(super) has_statistics: bool,
+    /// Marks over the picture.
+    pub(super) marks: MarkChoice,
     /// The picture of the model is to be drawn anew.
     is_dirty: bool,
     /// What covers it is.
@@ -185,7 +188,7 @@ impl ViewerApp {
             },
             lamp: match options.settings.light {
                 Lighting::Phong(phong) => phong,
-                Lighting::Headlight => Phong::default(),
+                Lighting::Headlight | Lighting::Sphere(_) => Phong::default(),
             },
             settings: options.settings,
             good: None,
@@ -214,6 +217,10 @@ impl ViewerApp {
             has_help: false,
             has_graph: options.window.graph,
             has_statistics: options.window.statistics,
+            marks: MarkChoice {
+                scale_bar: options.window.scale_bar,
+                axes: options.window.axes,
+            },
             is_dirty: true,
             is_cover_dirty: true,
             is_closing: false,

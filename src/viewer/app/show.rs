@@ -4,11 +4,13 @@
 //! screenshots and photos are those of a window of that width. So no picture on file has a panel on it.
 
 use super::ViewerApp;
+use crate::image::PictureMarks;
+use crate::math::camera::Camera;
 use crate::projective::frame_photos::photo_tint;
 use crate::viewer::panel::{self, PanelState, PanelWish, measures};
 use crate::viewer::{Error, help};
 use egui::{Align2, Area, Frame, vec2};
-use glam::DVec2;
+use glam::{DVec2, Vec3};
 
 /// Width of the graph, points.
 const GRAPH_WIDTH: f32 = 380.0;
@@ -53,6 +55,22 @@ impl ViewerApp {
         }
     }
 
+    /// Marks over the present picture; none without a model.
+    pub(super) fn picture_marks(&self) -> PictureMarks {
+        let camera = self.camera();
+        camera.map_or_else(PictureMarks::default, |camera| self.marks_of(&camera))
+    }
+
+    /// Marks over the picture of a camera.
+    pub(super) fn marks_of(&self, camera: &Camera) -> PictureMarks {
+        let marks = self.screen.orbit_sphere().and_then(|sphere| {
+            // Relative to the middle of the model, which is where the bar has its length.
+            let view = camera.view(sphere.center).ok()?;
+            Some(PictureMarks::new(&view, self.marks, Vec3::ZERO, None))
+        });
+        marks.unwrap_or_default()
+    }
+
     /// Lets egui lay out and paint, does what the user asked for, and hands the triangles to the screen.
     pub(super) fn paint_cover(&mut self) -> Result<(), Error> {
         if !self.is_cover_dirty && !self.is_dirty {
@@ -77,6 +95,7 @@ impl ViewerApp {
             counts: self.screen.times().counts,
             overdraw: self.screen.times().overdraw,
             control,
+            marks: self.marks,
             is_flying: self.fly.is_some(),
             parts: (self.part_names.iter().map(String::as_str))
                 .zip(self.screen.shown().iter().copied())
@@ -85,15 +104,17 @@ impl ViewerApp {
             measures: self.measure_state(),
         };
         let frusta = self.frusta();
-        let marks = self.measure_marks();
+        let measure_marks = self.measure_marks();
+        let marks = self.picture_marks();
         let inset = self.inset() as f32;
         let left = if self.has_panel { panel::WIDTH } else { 0.0 };
         let budget = control.map_or(1000.0 / 60.0, |(_, ms, _)| ms);
         let painted = self.interface.run(self.time, |ui| {
             let context = ui.ctx();
             paint_frusta(context, &frusta, inset, size);
-            measures::paint(context, &marks, inset, size);
+            measures::paint(context, &measure_marks, inset, size);
             measures::point_info(context, self.measuring.seen());
+            paint_marks(context, &marks, inset, size);
             if self.has_panel {
                 wishes = panel::show(context, &state, size.y);
             }
@@ -176,5 +197,42 @@ fn paint_frusta(
         let points = line.map(|[x, y]| egui::pos2(left + x / scale, y / scale));
         let color = egui::Color32::from_rgb(r, g, b);
         painter.line_segment(points, egui::Stroke::new(1.5, color));
+    }
+}
+
+/// Paints marks over the picture, which begins `inset` pixels from the left.
+fn paint_marks(context: &egui::Context, marks: &PictureMarks, inset: f32, size: egui::Vec2) {
+    if marks.lines.is_empty() && marks.texts.is_empty() {
+        return;
+    }
+    let scale = context.pixels_per_point();
+    let left = inset / scale;
+    let area = egui::Rect::from_min_max(egui::pos2(left, 0.0), egui::pos2(size.x, size.y));
+    let painter = context
+        .layer_painter(egui::LayerId::background())
+        .with_clip_rect(area);
+    let place = |[x, y]: [f32; 2]| egui::pos2(left + x / scale, y / scale);
+    let outline = egui::Color32::from_rgb(20, 20, 20);
+    for is_outline in [true, false] {
+        for line in &marks.lines {
+            let [r, g, b] = line.color;
+            let stroke = match is_outline {
+                true => egui::Stroke::new(4.0, outline),
+                false => egui::Stroke::new(1.8, egui::Color32::from_rgb(r, g, b)),
+            };
+            painter.line_segment(line.ends.map(place), stroke);
+        }
+    }
+    for text in &marks.texts {
+        let [r, g, b] = text.color;
+        let font = egui::FontId::monospace(13.0 * marks.size as f32 / scale.max(1.0));
+        let middle = place(text.middle);
+        let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| (x, y)));
+        for (x, y) in around.filter(|&at| at != (0, 0)) {
+            let at = middle + vec2(x as f32, y as f32);
+            painter.text(at, Align2::CENTER_CENTER, &text.text, font.clone(), outline);
+        }
+        let color = egui::Color32::from_rgb(r, g, b);
+        painter.text(middle, Align2::CENTER_CENTER, &text.text, font, color);
     }
 }

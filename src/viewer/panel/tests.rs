@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use super::*;
+use crate::image::MarkChoice;
 use crate::math::camera::Light;
+use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Phong};
 use crate::render::stats::{FrameCounts, OverdrawSummary};
 use crate::viewer::event::{KeyModifiers, KeyboardKey};
@@ -188,6 +190,7 @@ fn state<'a>(settings: &'a Settings, facts: &'a PanelFacts) -> PanelState<'a> {
         counts: FrameCounts::default(),
         overdraw: None,
         control: None,
+        marks: MarkChoice::default(),
         is_flying: false,
         parts: Vec::new(),
         photographs: None,
@@ -495,12 +498,19 @@ fn every_choice_of_the_panel_is_kept() {
     for &(eye_dome, ..) in choices::EYE_DOMES {
         keep(Settings { eye_dome, ..usual });
     }
+    for &(ambient_occlusion, ..) in choices::AMBIENT_OCCLUSIONS {
+        keep(Settings {
+            ambient_occlusion,
+            ..usual
+        });
+    }
     for &(color_by, ..) in choices::COLORS_BY {
         keep(Settings { color_by, ..usual });
     }
-    for &(background, ..) in choices::BACKGROUNDS {
+    for &((background, background_bottom), ..) in choices::BACKGROUNDS {
         keep(Settings {
             background,
+            background_bottom,
             ..usual
         });
     }
@@ -508,7 +518,11 @@ fn every_choice_of_the_panel_is_kept() {
         let light = Lighting::Phong(lamp);
         keep(Settings { light, ..usual });
     }
-    assert_eq!(kept, 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 6 + 2);
+    for sphere in LitSphere::ALL {
+        let light = Lighting::Sphere(sphere);
+        keep(Settings { light, ..usual });
+    }
+    assert_eq!(kept, 4 + 1 + 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 2 + 6 + 2);
 }
 
 #[test]

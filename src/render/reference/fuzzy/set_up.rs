@@ -181,7 +181,9 @@ pub(super) fn share(frame: &ReferenceFrame, point: &SurfacePoint) -> FragmentSha
     let cosine = in_view.dot(frame.to_eye(view.transform_point3(point.position)));
     let is_back = match style.light {
         Lighting::Headlight => cosine < 0.0,
-        Lighting::Phong(_) => cosine < -f64::from(constants::LEAST_BACK) && !style.cull_back_faces,
+        Lighting::Phong(_) | Lighting::Sphere(_) => {
+            cosine < -f64::from(constants::LEAST_BACK) && !style.cull_back_faces
+        }
     };
     let is_turned = style.two_sided && is_back;
     FragmentShare {

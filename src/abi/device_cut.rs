@@ -1,0 +1,92 @@
+//! What the passes read and write that choose a cut on the device.
+
+use bytemuck::{Pod, Zeroable};
+
+/// What the passes know that choose a cut on the device: the uniform block of `shaders/common/cut.glsl`. Lengths are in a
+/// unit of the cut's own, `unit` of them in a model unit, from `reference`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct CutConstants {
+    /// The sides of the view volume: inward unit normals, and what is added to a product with them.
+    pub sides: [[f32; 4]; 4],
+    /// The view direction, likewise.
+    pub forward: [f32; 4],
+    /// To the right in the picture, likewise.
+    pub right: [f32; 4],
+    /// Up in the picture.
+    pub up: [f32; 4],
+    /// Pixels of a tangent (perspective) or of a unit.
+    pub focal: [f32; 2],
+    /// The middle of the picture, pixels.
+    pub middle: [f32; 2],
+    /// Where lengths start, model space.
+    pub reference: [f32; 3],
+    /// See above.
+    pub unit: f32,
+    /// From the scene to the viewer, a unit vector (orthographic).
+    pub backward: [f32; 3],
+    /// Absolute error of a distance to a plane.
+    pub plane_error: f32,
+    /// Distance of the near plane.
+    pub near: f32,
+    /// Distance of the far plane.
+    pub far: f32,
+    /// 2 f / threshold: a size in pixels over the threshold is a radius times this, over a distance.
+    pub ratio: f32,
+    /// Its square.
+    pub ratio_squared: f32,
+    /// Of rows of splats: the threshold over 2 f.
+    pub row_ball: f32,
+    /// What the square of a count is limited by, see `cut::strip`.
+    pub row_limit: f32,
+    /// Widest strip over the ball that a splat stands for.
+    pub row_width: f32,
+    /// Its square.
+    pub row_width_squared: f32,
+    /// First node of the lowest level.
+    pub lowest_nodes: u32,
+    /// First node of the level above it.
+    pub low_nodes: u32,
+    /// Leaves below one of these, on average.
+    pub low_leaves: u32,
+    /// Most splats in a row.
+    pub most_in_row: u32,
+    /// What the root inherits: 1, nothing is dropped by the view volume; 2, nothing by facing.
+    pub start: u32,
+    /// 0 for an orthographic view.
+    pub is_perspective: u32,
+    /// Records that the list of splats has room for.
+    pub most_splats: u32,
+    /// Triangles that the list of indices has room for.
+    pub most_triangles: u32,
+    /// Pixels that a place in the picture may be off, times the distance (perspective) or alone.
+    pub place_error: f32,
+    /// Pixels by which a device may place a splat elsewhere by rounding.
+    pub snap: f32,
+    /// The larger of the two focal lengths.
+    pub focal_px: f32,
+    /// 1 where splats are one pixel, drawn where their balls contain its center.
+    pub are_samples: u32,
+}
+
+/// What these passes write beside the lists: the storage block `Counters` there.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct CutCounters {
+    /// A draw of all splats: number of vertices and instances, first vertex and instance.
+    pub splats: [u32; 4],
+    /// A draw of all triangles: number of indices and instances, first index, what is added to each, first instance.
+    pub triangles: [u32; 5],
+    /// A dispatch over the sibling groups of a level: workgroups.
+    pub workgroups: [u32; 3],
+    /// Sibling groups of the level.
+    pub groups: u32,
+    /// Of the next one, so far.
+    pub opened: u32,
+    /// Nodes and leaves that were looked at.
+    pub visited: u32,
+    /// Of those, dropped because outside of the view volume.
+    pub outside: u32,
+    /// Of those, dropped because facing away.
+    pub facing_away: u32,
+}

@@ -1,0 +1,27 @@
+//! The picture of `surfel render`, with what is drawn over it.
+
+use surfel::image::{FloatImage, Image, MarkedLines, PictureMarks};
+
+/// A picture that is written: of one sample a pixel, or the mean of several.
+pub(super) enum RenderedPicture {
+    Single(Image),
+    Mean(FloatImage),
+}
+
+impl RenderedPicture {
+    /// Draws measured lines over it. Depth, normals and coverage stay as they are.
+    pub(super) fn mark_lines(&mut self, marks: &MarkedLines) {
+        match self {
+            Self::Single(image) => image.mark(marks),
+            Self::Mean(mean) => mean.mark(marks),
+        }
+    }
+
+    /// Draws a scale bar and axes over it. Depth, normals and coverage stay as they are.
+    pub(super) fn mark(&mut self, marks: &PictureMarks) {
+        match self {
+            Self::Single(image) => marks.draw_over_bytes(image),
+            Self::Mean(mean) => marks.draw_over(mean),
+        }
+    }
+}
