@@ -140,20 +140,21 @@ fn picture(backend: &Backend, model: &Model, view: &View, settings: &Settings) -
     engine.render(view, settings).ok()
 }
 
-/// Holds a picture to the one that was wanted, of which the plain one is known.
-fn compare(what: &str, before: &Image, found: &Image, wanted: &[[f64; 4]]) {
+/// Holds a picture to the one that was wanted, of which the plain one is known. So many pixels at most may be off.
+fn compare(what: &str, before: &Image, found: &Image, wanted: &[[f64; 4]], most_odd: usize) {
     let (mut darker, mut odd) = (0, 0);
     for (i, (found, wanted)) in found.color.iter().zip(wanted).enumerate() {
         // Distances come from depths of 24 bits and more; colors are rounded once more.
         let off = (0..4).map(|c| (f64::from(found[c]) - wanted[c]).abs());
         let off = off.fold(0.0, f64::max);
         odd += usize::from(off > 1.6);
-        assert!(off <= 10.0, "{what}, pixel {i}: {found:?}, {wanted:?}");
+        let most = if most_odd > 0 { 10.0 } else { 1.6 };
+        assert!(off <= most, "{what}, pixel {i}: {found:?}, {wanted:?}");
         let before = before.color[i];
         darker += usize::from(before[0] > found[0].saturating_add(20));
     }
     // What covers less than half a level of a pixel has a depth on the device, and none in the picture.
-    assert!(odd <= 40, "{what}: {odd} pixels differ");
+    assert!(odd <= most_odd, "{what}: {odd} pixels differ");
     assert!(darker > 100, "{what}: {darker} pixels are darker");
     assert!(found.depth == before.depth, "{what}: depths stay");
 }
@@ -205,7 +206,7 @@ fn every_executor_darkens_its_picture_by_its_depths() {
                     let background = [0.2, 0.3, 0.6];
                     let wanted = darkened(&before, background, 0.5 * EXPONENT);
                     let found = picture(backend, model, &view, &dark).unwrap();
-                    compare(&format!("darkened {what}"), &before, &found, &wanted);
+                    compare(&format!("darkened {what}"), &before, &found, &wanted, 0);
                     drawn[number] += 1;
                     if view.is_perspective == is_cloud {
                         continue;
@@ -217,7 +218,7 @@ fn every_executor_darkens_its_picture_by_its_depths() {
                     };
                     let wanted = occluded(&before, background, &view, 9.0);
                     let found = picture(backend, model, &view, &deep).unwrap();
-                    compare(&format!("occluded {what}"), &before, &found, &wanted);
+                    compare(&format!("occluded {what}"), &before, &found, &wanted, 40);
                 }
             }
         }

@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 impl Model {
     /// The model of those leaves (triangles, or points) whose entry in `keep` is true, in the same space and with the radii
     /// that points have. Vertices that no kept triangle uses are left out. The result depends on model and choice alone.
-    /// O(n); it takes about a third of the time of building anew.
+    /// O(n).
     ///
     /// Where nothing is kept the result is empty.
     ///
