@@ -173,7 +173,7 @@ impl OrientedPolygon {
     pub const MOST_CORNERS: usize = 8;
 }
 
-/// What every pass of a frame knows, 480 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// Constants of a frame that every pass knows, 480 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -222,14 +222,14 @@ pub struct FrameConstants {
     pub ambient_occlusion_px: f32,
     /// Nothing.
     pub unused: [f32; 2],
-    /// Of [`LitSphere`](crate::pack::lit_sphere::LitSphere): unit vectors towards its lamps, each with the value of its
+    /// Lamps of a [`LitSphere`](crate::pack::lit_sphere::LitSphere): unit vectors towards them, each with the value of its
     /// highlight, and the light of the sky with the wrap; zero for other lights.
     pub sphere_lamps: [[f32; 4]; 4],
     /// Colors of the lamps, and the light of the ground.
     pub sphere_colors: [[f32; 4]; 4],
     /// Color of the rim, and its power.
     pub sphere_rim: [f32; 4],
-    /// What the background has more at the lower edge of the picture than at the upper; the last component is 0.
+    /// Color of the background at the lower edge of the picture less that at the upper; the last component is 0.
     pub background_change: [f32; 4],
 }
 

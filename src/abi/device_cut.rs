@@ -1,8 +1,8 @@
-//! What the passes read and write that choose a cut on the device.
+//! Records that the passes read and write that choose a cut on the device.
 
 use bytemuck::{Pod, Zeroable};
 
-/// What the passes know that choose a cut on the device: the uniform block of `shaders/common/cut.glsl`. Lengths are in a
+/// Constants of the passes that choose a cut on the device: the uniform block of `shaders/common/cut.glsl`. Lengths are in a
 /// unit of the cut's own, `unit` of them in a model unit, from `reference`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -33,7 +33,7 @@ pub struct CutConstants {
     pub far: f32,
     /// 2 f / threshold: a size in pixels over the threshold is a radius times this, over a distance.
     pub ratio: f32,
-    /// Its square.
+    /// Square of `ratio`.
     pub ratio_squared: f32,
     /// Of rows of splats: the threshold over 2 f.
     pub row_ball: f32,
@@ -41,7 +41,7 @@ pub struct CutConstants {
     pub row_limit: f32,
     /// Widest strip over the ball that a splat stands for.
     pub row_width: f32,
-    /// Its square.
+    /// Square of `row_width`.
     pub row_width_squared: f32,
     /// First node of the lowest level.
     pub lowest_nodes: u32,

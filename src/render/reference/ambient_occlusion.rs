@@ -10,7 +10,8 @@
 //! behind. Our deviations: rises are taken as if each pixel lay in the middle of the picture, all lines weigh the same, and the
 //! pattern is the same in all pixels, so that nothing is random.
 
-use crate::image::{Image, unorm8};
+use super::darken::darken_pixel;
+use crate::image::Image;
 use crate::math::camera::View;
 
 /// Lines through a pixel: columns and rows of a step to one side, and the parts of the radius at which they are looked at.
@@ -51,21 +52,8 @@ impl PixelSurroundings {
                 continue;
             }
             let light = self.openness(image, at).powf(f64::from(power));
-            let darkened = |[r, g, b, a]: [f64; 4]| {
-                let of = |i: usize, color: f64| {
-                    let behind = f64::from(background[i]) * (1.0 - a);
-                    behind + (color - behind) * light
-                };
-                [of(0, r), of(1, g), of(2, b), a]
-            };
-            let bytes = image.color[at].map(|byte| f64::from(byte) / 255.0);
-            image.color[at] = match image.values.get_mut(at) {
-                Some(value) => {
-                    *value = darkened(value.map(f64::from)).map(|v| v as f32);
-                    value.map(|v| unorm8(f64::from(v)))
-                }
-                None => darkened(bytes).map(unorm8),
-            };
+            let pixel = (&mut image.color[at], image.values.get_mut(at));
+            darken_pixel(pixel, background, light);
         }
     }
 

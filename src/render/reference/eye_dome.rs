@@ -2,7 +2,8 @@
 //!
 //! Source: Boucheny, *Visualisation scientifique de grands volumes de donnees* (2009), section 3.4.
 
-use crate::image::{Image, unorm8};
+use super::darken::darken_pixel;
+use crate::image::Image;
 
 /// Columns and rows from a pixel to its eight neighbors.
 const NEIGHBORS: [[i64; 2]; 8] = [
@@ -36,21 +37,8 @@ pub(crate) fn darken(image: &mut Image, background: [f32; 3], exponent: f32) {
                 .filter_map(|[dx, dy]| level_at(x + dx, y + dy));
             let nearer: f64 = levels.map(|level| (own - level).max(0.0)).sum();
             let light = (-f64::from(exponent) * nearer).exp2();
-            let darkened = |[r, g, b, a]: [f64; 4]| {
-                let of = |i: usize, color: f64| {
-                    let behind = f64::from(background[i]) * (1.0 - a);
-                    behind + (color - behind) * light
-                };
-                [of(0, r), of(1, g), of(2, b), a]
-            };
-            let bytes = image.color[at].map(|byte| f64::from(byte) / 255.0);
-            image.color[at] = match image.values.get_mut(at) {
-                Some(value) => {
-                    *value = darkened(value.map(f64::from)).map(|v| v as f32);
-                    value.map(|v| unorm8(f64::from(v)))
-                }
-                None => darkened(bytes).map(unorm8),
-            };
+            let pixel = (&mut image.color[at], image.values.get_mut(at));
+            darken_pixel(pixel, background, light);
         }
     }
 }

@@ -24,6 +24,7 @@
 pub(in crate::render) mod ambient_occlusion;
 mod bands;
 mod clip;
+mod darken;
 mod disc;
 pub(in crate::render) mod engine;
 pub(in crate::render) mod eye_dome;
