@@ -3,7 +3,7 @@
 //! A [`BenchSession`] is a device with what it costs there ([`calibrate`]) and how fast it moves bytes. The parts each measure a
 //! [`BenchCase`] and return [`BenchFigure`]s: [`rates`] what a primitive and an empty frame cost, [`cuts`] the cut on the processor,
 //! [`frames`] whole frames beside plain triangles, [`accuracy`] time against error beside ray casting and simplified
-//! meshes ([`rivals`]), [`growth`] one view of ever larger models. [`verdict`] decides, [`report`] writes.
+//! meshes ([`rivals`]), [`pictures`] the default picture beside one exact sample, [`growth`] one view of ever larger models. [`verdict`] decides, [`report`] writes.
 //!
 //! What is compared is drawn in turn, frame by frame, so that what slows the machine down for a while slows all of it.
 //! `docs/PERFORMANCE.md` says what the figures mean.
@@ -15,6 +15,7 @@ pub mod cuts;
 pub mod frames;
 pub mod growth;
 pub mod memory;
+pub mod pictures;
 pub mod rates;
 pub mod report;
 pub mod rivals;

@@ -10,7 +10,7 @@ use surfel::bench::cases::CaseStandard;
 use surfel::bench::report::{csv, line, summary};
 use surfel::bench::{
     BenchCase, BenchFigure, BenchSession, Error, Plan, accuracy, cuts, frames, growth, memory,
-    rates, rivals,
+    pictures, rates, rivals,
 };
 use surfel::measure::store;
 use surfel::progress::Progress;
@@ -22,9 +22,11 @@ Examples:
   surfel bench --large --only growth           one view of up to 64 million triangles; needs 8 GB of memory
   surfel bench --case statue --only cut --only rates
   surfel bench scan.ply                        a model of your own beside the standard ones
+  surfel bench --files-only --only pictures *.ply
 
 Parts: rates (primitives a second, the empty frame), cut, frames (beside plain triangles), accuracy (time against error,
-beside rays and simplified meshes where built with the feature rivals), growth. The standard models are generated; the
+beside rays and simplified meshes where built with the feature rivals), pictures (the default of `surfel render` beside
+one exact sample a pixel), growth. The standard models are generated; the
 dragon is read from SURFEL_MODELS/thesis/dragon_vrip.ply.gz, or is a file of 871,414 triangles given here. What is missed
 is no failure of the run: the exit code is 0. docs/PERFORMANCE.md says what each figure means.";
 
@@ -44,6 +46,9 @@ pub(crate) struct Args {
     /// Only this standard model (sphere, torus, statue, dragon); may be given several times
     #[arg(long = "case", value_name = "NAME", value_parser = parse_case)]
     cases: Vec<CaseStandard>,
+    /// No standard model, only the files
+    #[arg(long, requires = "files", conflicts_with = "cases")]
+    files_only: bool,
     /// Only this part of the run; may be given several times
     #[arg(long, value_name = "PART")]
     only: Vec<Part>,
@@ -57,14 +62,20 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-/// A part of the run.
+/// A part of the run. Pictures are measured where they are asked for: 64 samples of every triangle take minutes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Part {
     Rates,
     Cut,
     Frames,
     Accuracy,
+    Pictures,
     Growth,
+}
+
+impl Part {
+    /// Parts that are measured of every model.
+    const OF_MODELS: [Self; 4] = [Self::Cut, Self::Frames, Self::Accuracy, Self::Pictures];
 }
 
 fn parse_case(text: &str) -> Result<CaseStandard, String> {
@@ -105,11 +116,12 @@ impl Args {
     }
 
     fn wants(&self, part: Part) -> bool {
-        self.only.is_empty() || self.only.contains(&part)
+        let is_usual = part != Part::Pictures;
+        is_usual && self.only.is_empty() || self.only.contains(&part)
     }
 
     fn wants_case(&self, case: CaseStandard) -> bool {
-        self.cases.is_empty() || self.cases.contains(&case)
+        !self.files_only && (self.cases.is_empty() || self.cases.contains(&case))
     }
 
     /// The options, for the rows.
@@ -267,9 +279,8 @@ fn models(
     bar: &Bar,
 ) -> Outcome {
     let sources = sources(args);
-    let wants_models = [Part::Rates, Part::Cut, Part::Frames, Part::Accuracy]
-        .iter()
-        .any(|part| args.wants(*part));
+    let wants_models =
+        args.wants(Part::Rates) || Part::OF_MODELS.iter().any(|part| args.wants(*part));
     if sources.is_empty() && wants_models {
         return Err(usage("nothing is left to measure: no case is there"));
     }
@@ -281,11 +292,7 @@ fn models(
     let sources = if wants_models { &sources[..] } else { &[] };
     for (i, (name, path)) in sources.iter().enumerate() {
         let is_rated = i == rated && args.wants(Part::Rates);
-        if !is_rated
-            && ![Part::Cut, Part::Frames, Part::Accuracy]
-                .iter()
-                .any(|p| args.wants(*p))
-        {
+        if !is_rated && !Part::OF_MODELS.iter().any(|part| args.wants(*part)) {
             continue;
         }
         let ready = load(path, bar)?;
@@ -310,10 +317,11 @@ fn models(
             &Plan,
             &dyn Progress,
         ) -> Result<Vec<BenchFigure>, Error>;
-        let parts: [(Part, &str, Measure); 3] = [
+        let parts: [(Part, &str, Measure); 4] = [
             (Part::Cut, "cut", cuts::figures),
             (Part::Frames, "frames", frames::figures),
             (Part::Accuracy, "time against error", accuracy::figures),
+            (Part::Pictures, "default picture", pictures::figures),
         ];
         for (part, what, measure) in parts {
             if args.wants(part) {

@@ -441,8 +441,14 @@ fn folder_of(path: &Path) -> &Path {
 
 /// Writes data to standard output; a reader that went away is no failure.
 pub(crate) fn print(text: &str) -> Outcome {
+    print_bytes(text.as_bytes())
+}
+
+/// Writes data that is no text, as [`print`] does.
+pub(crate) fn print_bytes(bytes: &[u8]) -> Outcome {
     use std::io::Write;
-    match std::io::stdout().write_all(text.as_bytes()) {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::Run(
             anyhow::Error::new(e).context("cannot write to standard output"),
         )),

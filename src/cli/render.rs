@@ -11,8 +11,9 @@ use super::photo_args::{PhotoArgs, StagedScene, camera_of};
 use super::progress::{Bar, is_interrupted};
 use super::rendered_picture::RenderedPicture;
 use super::source::{ColorArgs, PageArgs, Source};
-use super::{Failure, Outcome, say, usage, write_text};
+use super::{Failure, Outcome, print_bytes, say, usage, write_text};
 use clap::Args as ClapArgs;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
@@ -20,14 +21,14 @@ use surfel::image::{MarkedLines, PictureMarks};
 use surfel::math::measured_line::MeasureList;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
-use surfel::render::engine::{Backend, Engine};
+use surfel::render::engine::{Backend, Engine, smooth_threshold};
 use surfel::render::paged_model::PagedModel;
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::OverdrawSummary;
 use surfel::render::vulkan::overdraw;
 #[cfg(feature = "viewer")]
 use surfel::render::window_renderer::WindowBackend;
-use surfel::render::{Method, PictureOutputs, Settings, SplatKind};
+use surfel::render::{Method, PictureOutputs, Settings};
 use surfel::tree::OrbitSphere;
 
 /// Backends that can be asked for.
@@ -136,6 +137,7 @@ Examples:
   surfel render horse.ply -o ref.png --method triangles --samples 64
   surfel render horse.ply -o turn.png --frames 36        writes turn-000.png to turn-035.png
   surfel render horse.ply --frames 36 --stats -          times only
+  surfel render horse.ply -o - | display                 to another program, as PNG
   surfel render horse.ply -o horse.png --backend cpu     without Vulkan
   surfel render tile.laz -o tile.png --color-by class
   surfel render tile.laz -o ground.png --keep class=2,6 --keep height=..80
@@ -162,7 +164,7 @@ pub(crate) struct Args {
     /// Draw a built-in scene with its own camera, picture size and threshold, unless those are given; `list` lists them
     #[arg(long, value_name = "NAME", conflicts_with = "model")]
     scene: Option<String>,
-    /// Picture to write: .png (8 bit) or .exr (float)
+    /// Picture to write: .png (8 bit) or .exr (float); - for a PNG to standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Write the view-space distance of each pixel: .exr or .npy
@@ -250,7 +252,19 @@ fn numbered(path: &Path, frame: u32, frames: u32) -> PathBuf {
 
 impl Args {
     fn check(&self) -> Outcome {
-        require_ending("--output", self.output.as_ref(), &["png", "exr"])?;
+        let is_printed = self.output.as_deref() == Some(Path::new("-"));
+        if is_printed && self.frames > 1 {
+            return Err(usage(
+                "-o -: standard output takes one picture; give a file for several --frames",
+            ));
+        }
+        if is_printed && std::io::stdout().is_terminal() {
+            return Err(usage(
+                "-o -: standard output is a terminal; send it on, such as to a file: > picture.png",
+            ));
+        }
+        let named = self.output.as_ref().filter(|_| !is_printed);
+        require_ending("--output", named, &["png", "exr"])?;
         require_ending("--depth", self.depth.as_ref(), &["exr", "npy"])?;
         require_ending("--normals", self.normals.as_ref(), &["exr"])?;
         require_ending("--coverage", self.coverage.as_ref(), &["png"])?;
@@ -351,6 +365,7 @@ impl Args {
         let has_alpha = self.look.background.is_transparent();
         if let Some(path) = &self.output {
             match (picture, ending(path).as_str()) {
+                _ if path == Path::new("-") => print_bytes(&picture.png(has_alpha)?)?,
                 (RenderedPicture::Single(image), "png") if has_alpha => {
                     image.save_transparent_png(&name(path))?;
                 }
@@ -390,10 +405,6 @@ fn tell_overdraw(times: &[FrameTimes]) {
         say(&format!("surfel: {all}"));
     }
 }
-
-/// Threshold of smooth pictures of surfaces by squares, pixels. Splats of a pixel would widen what their samples share;
-/// of smaller ones those that contain no sample are dropped, so that they cost no more.
-const SMOOTH_THRESHOLD_PX: f32 = 0.125;
 
 /// Frames drawn before the first that counts when times are asked for: shaders are compiled at the first draw.
 const WARM_UP: u32 = 2;
@@ -439,13 +450,12 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         settings = args.look.settings_to_choose()?;
     }
     let is_smooth = args.is_smooth(&settings);
-    let has_squares = settings.method == Method::Pop && settings.splat == SplatKind::Square;
     let is_surface = match &ready.paged {
         Some(file) => file.is_surface(),
         None => ready.model.kind().is_surface(),
     };
-    if is_smooth && has_squares && is_surface {
-        args.look.default_threshold(SMOOTH_THRESHOLD_PX);
+    if is_smooth && let Some(threshold) = smooth_threshold(&settings, is_surface) {
+        args.look.default_threshold(threshold);
         settings = args.look.settings_to_choose()?;
     }
     settings = args.photos.shown(settings);

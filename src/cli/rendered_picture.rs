@@ -9,6 +9,16 @@ pub(super) enum RenderedPicture {
 }
 
 impl RenderedPicture {
+    /// The bytes of a PNG file, with alpha where `has_alpha`.
+    pub(super) fn png(&self, has_alpha: bool) -> Result<Vec<u8>, surfel::image::Error> {
+        match self {
+            Self::Single(image) if has_alpha => image.to_float().transparent_png(),
+            Self::Mean(mean) if has_alpha => mean.transparent_png(),
+            Self::Single(image) => image.png(),
+            Self::Mean(mean) => mean.to_image().png(),
+        }
+    }
+
     /// Draws measured lines over it. Depth, normals and coverage stay as they are.
     pub(super) fn mark_lines(&mut self, marks: &MarkedLines) {
         match self {

@@ -168,6 +168,7 @@ fn play(
         backend,
         frame_ms,
         smooths: true,
+        watches: false,
         gpu: DeviceOptions {
             device: Some(device),
             validation: !args.no_validation,

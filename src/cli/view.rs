@@ -65,6 +65,9 @@ pub(crate) struct Args {
     /// Draw samples while the view rests, until its picture is smooth
     #[arg(long, value_enum, default_value = "on", value_name = "SWITCH")]
     smooth: Switch,
+    /// Open the files again whenever another program has written them [by hand: key F5]
+    #[arg(long, conflicts_with_all = ["replay", "screenshot", "turntable"])]
+    watch: bool,
     /// Axis that is up [key Shift U]
     #[arg(long, value_enum, default_value_t = UpChoice::Auto, value_name = "AXIS")]
     up: UpChoice,
@@ -214,6 +217,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         more: args.more,
         opening,
         smooths: args.smooth == Switch::On,
+        watches: args.watch,
         up: args.up.named(),
         photos: PhotographOptions {
             most: args.photos.most(),

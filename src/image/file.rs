@@ -17,17 +17,21 @@ impl Image {
     /// # Errors
     /// [`Error::Write`] when the folder is missing or the file cannot be written.
     pub fn save_png(&self, path: &Path) -> Result<(), Error> {
+        write_bytes(path, &self.png()?)
+    }
+
+    /// The bytes of the file that [`save_png`](Self::save_png) writes.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] for a picture of no pixels.
+    pub fn png(&self) -> Result<Vec<u8>, Error> {
         let bytes: Vec<u8> = self
             .color
             .iter()
             .flat_map(|&[r, g, b, _]| [r, g, b])
             .collect();
-        write_png(
-            path,
-            &bytes,
-            (self.width, self.height),
-            ::image::ExtendedColorType::Rgb8,
-        )
+        let size = (self.width, self.height);
+        encode_png(&bytes, size, ::image::ExtendedColorType::Rgb8)
     }
 
     /// Writes color and coverage as an 8-bit RGBA PNG. The color is already blended with the background
@@ -134,17 +138,21 @@ impl FloatImage {
     /// # Errors
     /// As [`Image::save_png`].
     pub fn save_transparent_png(&self, path: &Path) -> Result<(), Error> {
+        write_bytes(path, &self.transparent_png()?)
+    }
+
+    /// The bytes of the file that [`save_transparent_png`](Self::save_transparent_png) writes.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] for a picture of no pixels.
+    pub fn transparent_png(&self) -> Result<Vec<u8>, Error> {
         let bytes: Vec<u8> = self
             .color
             .iter()
             .flat_map(|&color| straight(color))
             .collect();
-        write_png(
-            path,
-            &bytes,
-            (self.width, self.height),
-            ::image::ExtendedColorType::Rgba8,
-        )
+        let size = (self.width, self.height);
+        encode_png(&bytes, size, ::image::ExtendedColorType::Rgba8)
     }
 
     /// Writes the color as 32-bit float RGBA EXR, unclamped.
@@ -237,21 +245,32 @@ fn folder_of(path: &Path) -> io::Result<&Path> {
 fn write_png(
     path: &Path,
     bytes: &[u8],
-    (width, height): (u32, u32),
+    size: (u32, u32),
     color: ::image::ExtendedColorType,
 ) -> Result<(), Error> {
+    write_bytes(path, &encode_png(bytes, size, color)?)
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    write(path, |file| file.write_all(bytes))
+}
+
+fn encode_png(
+    bytes: &[u8],
+    (width, height): (u32, u32),
+    color: ::image::ExtendedColorType,
+) -> Result<Vec<u8>, Error> {
     use ::image::ImageEncoder;
     if bytes.is_empty() {
         return Err(Error::Missing { what: "pixels" });
     }
-    write(path, |file| {
-        ::image::codecs::png::PngEncoder::new(file)
-            .write_image(bytes, width, height, color)
-            .map_err(|e| match e {
-                ::image::ImageError::IoError(e) => e,
-                other => io::Error::other(other),
-            })
-    })
+    let mut file = Vec::new();
+    match ::image::codecs::png::PngEncoder::new(&mut file).write_image(bytes, width, height, color)
+    {
+        Ok(()) => Ok(file),
+        // Memory takes everything, and the pixels are as many as the size says.
+        Err(error) => unreachable!("a picture in memory: {error}"),
+    }
 }
 
 fn write_exr(

@@ -29,6 +29,7 @@ use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Path, Settings};
 use crate::tree::Model;
+pub use smooth::smooth_threshold;
 use std::sync::Arc;
 
 /// Where pictures are made.

@@ -34,6 +34,7 @@ pub const KEYS: &[KeyGroup] = &[
             ("F", "frame the model"),
             ("R", "reset the view"),
             ("Shift U", "the next axis is up: y, z, x"),
+            ("F5, Ctrl R", "open the files again, seen as before"),
             (
                 "Numpad 1 3 7",
                 "front, right, top; with Ctrl back, left, bottom",
@@ -242,6 +243,8 @@ pub enum Command {
     Frame,
     /// Back to the first view.
     Reset,
+    /// Open the files again.
+    Reload,
     /// Look from azimuth and elevation, radians.
     LookFrom(f64, f64),
     /// Switch flying.
@@ -345,6 +348,7 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
         return match key {
             KeyboardKey::Char('c') => Some(Command::CopyCamera),
             KeyboardKey::Char('v') => Some(Command::Paste),
+            KeyboardKey::Char('r') => Some(Command::Reload),
             KeyboardKey::Char('i') => Some(Command::Measure(MeasureChange::PointInfo)),
             KeyboardKey::Char('n') => Some(Command::Measure(MeasureChange::End)),
             KeyboardKey::Char('j') => Some(Command::Measure(MeasureChange::Close)),
@@ -360,6 +364,7 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
         KeyboardKey::Tab => Command::Panel,
         KeyboardKey::Backspace => Command::Dismiss,
         KeyboardKey::F(1) => Command::Help,
+        KeyboardKey::F(5) => Command::Reload,
         KeyboardKey::F(11) => Command::FullScreen,
         KeyboardKey::PadAdd => Command::ThresholdBy(STEP_PX),
         KeyboardKey::PadSubtract => Command::ThresholdBy(-STEP_PX),

@@ -10,6 +10,7 @@ pub mod camera;
 pub mod choices;
 pub mod control;
 pub mod event;
+mod file_watch;
 pub mod graph;
 pub mod help;
 pub mod input;
@@ -169,6 +170,8 @@ pub struct ViewerOptions {
     pub photos: PhotographOptions,
     /// A picture gets smoother while the view rests.
     pub smooths: bool,
+    /// Files are opened again when they have changed.
+    pub watches: bool,
     /// The axis that is up; none: as each model's format and place tell.
     pub up: Option<UpAxis>,
     #[doc(hidden)]

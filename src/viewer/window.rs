@@ -2,6 +2,7 @@
 
 use super::app::{FileAsk, ViewerApp};
 use super::event::{KeyModifiers, KeyboardKey, MouseButton, ViewerEvent};
+use super::file_watch::{FileWatch, WATCH_INTERVAL_S};
 use super::loader::ModelLoader;
 use super::record::{EventRecorder, RecordEntry};
 use super::{Error, ViewerOptions, text};
@@ -13,6 +14,17 @@ use std::time::{Duration, Instant};
 const LOADING_WAIT_S: f64 = 0.05;
 /// How long it sleeps at most when nothing happens, seconds: Ctrl-C is noticed after that.
 const IDLE_WAIT_S: f64 = 0.5;
+/// The key that opens files again: what a watched file that has changed is in a recording.
+const RELOAD_PRESS: ViewerEvent = ViewerEvent::Key {
+    key: KeyboardKey::F(5),
+    pressed: true,
+    repeat: false,
+    modifiers: KeyModifiers {
+        shift: false,
+        control: false,
+        other: false,
+    },
+};
 /// Least time between two titles while frames are drawn.
 const TITLE_INTERVAL: Duration = Duration::from_millis(250);
 
@@ -295,6 +307,7 @@ impl ViewerWindow {
         let mut step = 0;
         let mut has_drawn = true;
         let mut last_time = glfw.get_time();
+        let mut watch = app.options.watches.then(FileWatch::default);
         let mut answers = vec![self.size_event(), ViewerEvent::Panel(app.has_panel)];
         while !(app.is_closing || self.window.should_close() || should_stop()) {
             let can_draw = app.is_dirty() && self.can_draw();
@@ -313,6 +326,9 @@ impl ViewerWindow {
                 } else {
                     IDLE_WAIT_S
                 };
+                let longest = watch
+                    .as_ref()
+                    .map_or(longest, |_| longest.min(WATCH_INTERVAL_S));
                 let longest = smooths_in.map_or(longest, |at| at.min(longest));
                 let due = app.next_tick().map_or(longest, |at| at - glfw.get_time());
                 if due > 0.0 && !app.has_finished() {
@@ -372,6 +388,12 @@ impl ViewerWindow {
                 app.smooth(Some(&self.window))?;
             }
             answers = self.answer(app, loader, glfw);
+            let is_loading = loader.path().is_some();
+            if let Some(watch) = &mut watch
+                && watch.has_changed(app.shown_files(), glfw.get_time(), is_loading)
+            {
+                answers.push(RELOAD_PRESS);
+            }
             if self.title_time.elapsed() >= TITLE_INTERVAL {
                 self.update_title(app, loader);
             }

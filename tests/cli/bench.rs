@@ -27,6 +27,34 @@ fn rows(text: &str) -> Vec<csv::StringRecord> {
 }
 
 #[test]
+fn default_pictures_are_judged_where_that_is_asked_for() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let made = surfel(
+        folder.path(),
+        "generate torus --triangles 20000 -o torus.ply",
+    );
+    assert_eq!(made.code, 0, "{}", made.err);
+    let words = "bench --quick --only pictures --files-only torus.ply --csv -";
+    let run = surfel(folder.path(), words);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let rows = rows(&String::from_utf8(run.out).unwrap());
+    let judged = rows.iter().filter(|row| &row[6] == "pictures");
+    let judged: Vec<_> = judged.filter(|row| &row[13] != "picture").collect();
+    assert_eq!(judged.len(), 3, "one a distance: {rows:?}");
+    for row in judged {
+        let part: f64 = row[14].parse().unwrap();
+        assert!(part > 0.0 && part < 0.5, "{row:?}");
+    }
+    assert!(
+        !run.err.contains("dragon"),
+        "no standard model was asked for"
+    );
+}
+
+#[test]
 fn a_small_run_has_every_part_and_valid_rows() {
     if !has_device() {
         return;

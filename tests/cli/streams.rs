@@ -16,6 +16,7 @@ const COMMANDS_WITH_OUTPUT: &[&str] = &[
     "check --json generate:sphere:1000",
     "render generate:sphere:1000 --device mirror --stats -",
     "render generate:sphere:1000 --device mirror --save-camera -",
+    "render generate:sphere:1000 --device mirror --size 40x30 -o -",
 ];
 
 /// Runs with standard output or error going nowhere: the other end of the pipe is closed from the start.
@@ -45,6 +46,32 @@ fn a_reader_that_went_away_is_no_failure() {
         assert_eq!((code, err.as_str()), (Some(0), ""), "surfel {words}");
     }
     assert_eq!(names(folder.path()), Vec::<String>::new());
+}
+
+#[test]
+fn pictures_on_standard_output_are_those_of_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = "render generate:sphere:1000 --backend reference --size 40x30";
+    for more in [
+        "",
+        " --samples 4",
+        " --background transparent",
+        " --samples 4 --background transparent",
+    ] {
+        expect(folder.path(), 0, &format!("{render}{more} -o a.png"));
+        let file = std::fs::read(folder.path().join("a.png")).unwrap();
+        let printed = expect(folder.path(), 0, &format!("{render}{more} -o -")).out;
+        assert!(printed == file && file.starts_with(b"\x89PNG"), "{more}");
+    }
+    for (more, reason) in [
+        ("-o - --frames 2", "one picture"),
+        ("-o - --stats -", "takes one file"),
+    ] {
+        let refused = expect(folder.path(), 2, &format!("{render} {more}"));
+        assert!(refused.err.contains(reason), "{}", refused.err);
+        assert_eq!(refused.out, b"", "{more}");
+    }
+    assert_eq!(names(folder.path()), ["a.png"]);
 }
 
 #[test]

@@ -200,6 +200,44 @@ fn a_dropped_model_is_opened_and_a_broken_one_is_told() {
     must_succeed(&window.end());
 }
 
+/// A tile whose corners have a color, as OBJ.
+fn tile_of_color(color: &str) -> String {
+    let corners = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"].map(|at| format!("v {at} {color}\n"));
+    corners.concat() + "f 1 2 3 4\n"
+}
+
+#[test]
+fn files_are_opened_again_by_a_key_or_when_they_change_and_seen_as_before() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tile.obj");
+    std::fs::write(&path, tile_of_color("1 0 0")).unwrap();
+    let tile = path.to_str().unwrap();
+    let look = [tile, "--size", "300x200"];
+    for is_watched in [false, true] {
+        let watch = is_watched.then_some("--watch");
+        let more = ["--validate", "--panel", "off"].into_iter().chain(watch);
+        let arguments: Vec<&str> = look.into_iter().chain(more).collect();
+        let window = Window::open(&display, &arguments);
+        window.wait_for_title("tile.obj - pop");
+        let (camera, red) = elsewhere(&look, folder.path());
+        window.drop_file(&camera);
+        window.wait_for_picture("the first file from elsewhere", &red);
+        std::fs::write(&path, tile_of_color("0 0 1")).unwrap();
+        let (_, blue) = elsewhere(&look, folder.path());
+        assert!(changed(&red, &blue) > 1000, "the files look alike");
+        if !is_watched {
+            window.key("F5");
+        }
+        window.wait_for_picture("the second file from elsewhere", &blue);
+        window.key("q");
+        must_succeed(&window.end());
+        std::fs::write(&path, tile_of_color("1 0 0")).unwrap();
+    }
+}
+
 #[test]
 fn files_dropped_together_are_shown_together() {
     let Some(display) = Display::open() else {

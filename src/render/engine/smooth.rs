@@ -4,7 +4,18 @@ use super::Engine;
 use crate::gpu::Error;
 use crate::image::{Accumulator, FloatImage, jittered, mean_difference};
 use crate::math::camera::View;
-use crate::render::Settings;
+use crate::render::{Method, Settings, SplatKind};
+
+/// Threshold of smooth pictures of surfaces by squares, pixels. Splats of a pixel would widen what their samples share;
+/// of smaller ones those that contain no sample are dropped, so that they cost no more.
+const SMOOTH_THRESHOLD_PX: f32 = 0.125;
+
+/// Threshold in pixels at which [`Engine::smooth`] is closest to the triangles of a surface; `None` where the settings' own
+/// serves: points, and splats that are smooth themselves.
+pub fn smooth_threshold(settings: &Settings, is_surface: bool) -> Option<f32> {
+    let has_squares = settings.method == Method::Pop && settings.splat == SplatKind::Square;
+    (has_squares && is_surface).then_some(SMOOTH_THRESHOLD_PX)
+}
 
 /// Sides of the grids of samples in each pixel that [`Engine::smooth`] draws.
 const SMOOTH_SIDES: [u32; 2] = [4, 8];

@@ -168,6 +168,7 @@ impl ViewerApp {
             },
             Command::Frame => self.change(OrbitCamera::frame_model),
             Command::Reset => self.change(OrbitCamera::reset),
+            Command::Reload => self.reload(),
             Command::LookFrom(azimuth, elevation) => {
                 self.change(|orbit| orbit.look_from(azimuth, elevation));
             }

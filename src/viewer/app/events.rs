@@ -13,7 +13,7 @@ use crate::viewer::lamp::LampChange;
 use crate::viewer::record::RecordEntry;
 use crate::viewer::recovery::{RecoveryWay, way_after};
 use glam::{DVec2, DVec3};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 impl ViewerApp {
     /// Handles the events of a step.
@@ -246,7 +246,27 @@ impl ViewerApp {
     /// Asks for a model, and for more that are shown with it.
     fn open(&mut self, path: PathBuf, more: Vec<PathBuf>) {
         self.notices.clear();
+        self.is_reloading = false;
+        self.options.model.clone_from(&path);
+        self.options.more.clone_from(&more);
         self.asks.push(FileAsk::Open { path, more });
+    }
+
+    /// Asks for the models again; they are seen as before.
+    pub(super) fn reload(&mut self) {
+        let (path, more) = (self.options.model.clone(), self.options.more.clone());
+        if self.shown_files().any(|path| path == Path::new("-")) {
+            self.warn("what came from standard input cannot be read again");
+            return;
+        }
+        self.notices.clear();
+        self.is_reloading = true;
+        self.asks.push(FileAsk::Open { path, more });
+    }
+
+    /// Paths of the models that were asked for last.
+    pub(in crate::viewer) fn shown_files(&self) -> impl Iterator<Item = &PathBuf> {
+        [&self.options.model].into_iter().chain(&self.options.more)
     }
 
     /// Changes the camera, if there is a model.

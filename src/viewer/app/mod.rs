@@ -112,6 +112,8 @@ pub(super) struct ViewerApp {
     path: PathBuf,
     /// What is shown is a coarse preview of it.
     is_preview: bool,
+    /// The files that are shown were asked for again.
+    is_reloading: bool,
     /// What the window does besides, such as `scan.ply - building nodes 43%`.
     pub(super) status: Option<String>,
     /// How the last frame was drawn, and when.
@@ -208,6 +210,7 @@ impl ViewerApp {
             failures: Vec::new(),
             path: PathBuf::new(),
             is_preview: false,
+            is_reloading: false,
             status: None,
             page_status: None,
             drawn_with: None,
@@ -362,9 +365,11 @@ impl ViewerApp {
             }
             Err(error) => Err(error),
         };
+        let is_reloading = std::mem::take(&mut self.is_reloading);
         match outcome {
             Ok(()) => {
-                self.take_model(path, is_preview)?;
+                self.take_model(path, is_preview, is_reloading)?;
+                self.is_reloading = is_reloading && is_preview;
                 for failure in std::mem::take(&mut self.failures) {
                     self.warn(&failure);
                 }
@@ -402,9 +407,14 @@ impl ViewerApp {
     }
 
     /// Looks at the model that the screen has.
-    fn take_model(&mut self, path: &Path, is_preview: bool) -> Result<(), Error> {
+    fn take_model(
+        &mut self,
+        path: &Path,
+        is_preview: bool,
+        is_reloading: bool,
+    ) -> Result<(), Error> {
         // The view of a preview stays: somebody may have turned it.
-        let is_expected = self.is_preview && self.path == path;
+        let is_expected = (self.is_preview || is_reloading) && self.path == path;
         let is_another = self.orbit.is_some() && !is_expected;
         self.is_preview = is_preview;
         self.path = path.to_owned();
