@@ -124,6 +124,20 @@ pub fn jittered(view: &View, i: u32, k: u32) -> View {
     shifted(view, at(i % k), at(i / k % k))
 }
 
+/// Samples that [`evenly`] places in a pixel.
+pub const EVEN_SAMPLES: u32 = 16;
+
+/// The view whose pixel centers lie where sample `i` of [`EVEN_SAMPLES`] lies in each pixel of `view`: to the right of the center
+/// by (i + 1/2)/16 - 1/2 pixels, and below it by (r + 1/2)/16 - 1/2 with r the four bits of i in reverse (Hammersley, 1960).
+/// One lies in each of 16 columns, of 16 rows, and of 4 x 4 cells: an edge along an axis has 16 levels, where a grid gives it 4.
+/// Those whose number has an even number of ones are as even among themselves, and so are the others. `i` counts modulo 16.
+pub fn evenly(view: &View, i: u32) -> View {
+    let i = i % EVEN_SAMPLES;
+    let reversed = i.reverse_bits() >> 28;
+    let at = |n: u32| (f64::from(n) + 0.5) / f64::from(EVEN_SAMPLES) - 0.5;
+    shifted(view, at(i), at(reversed))
+}
+
 /// As [`jittered`] with the sample anywhere in its cell of the grid instead of its middle: jittered (stratified) sampling
 /// (Cook, 1986), which turns the aliasing of a regular grid into noise. The places are pseudo-random and the same in
 /// every run.
@@ -158,6 +172,44 @@ mod tests {
     use super::*;
     use crate::math::camera::Camera;
     use glam::{DVec3, Vec3};
+
+    #[test]
+    fn even_samples_and_their_halves_lie_in_each_column_row_and_cell() {
+        let size = (64, 48);
+        let eye = DVec3::new(0.0, 0.0, 4.0);
+        let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.8, (1.0, 9.0));
+        let view = camera.view(DVec3::ZERO).unwrap();
+        let (x, y, _) = view.project(Vec3::ZERO);
+        let place = |i: u32| {
+            let (sx, sy, _) = evenly(&view, i).project(Vec3::ZERO);
+            [x - sx, y - sy].map(|off| ((off + 0.5) * 16.0) as usize)
+        };
+        let places: Vec<[usize; 2]> = (0..EVEN_SAMPLES).map(place).collect();
+        let distinct =
+            |keys: &[[usize; 2]]| std::collections::BTreeSet::from_iter(keys.to_vec()).len();
+        let keys = |of: fn([usize; 2]) -> [usize; 2], keep: fn(u32) -> bool| {
+            let kept = (0..EVEN_SAMPLES).filter(|i| keep(*i));
+            distinct(&kept.map(|i| of(places[i as usize])).collect::<Vec<_>>())
+        };
+        for of in [
+            |[x, _]: [usize; 2]| [x, 0],
+            |[_, y]| [0, y],
+            |[x, y]| [x / 4, y / 4],
+        ] {
+            assert_eq!(keys(of, |_| true), 16);
+        }
+        // Halves: columns and rows two wide, cells of 2 x 4 and 4 x 2.
+        for of in [
+            |[x, _]: [usize; 2]| [x / 2, 0],
+            |[_, y]| [0, y / 2],
+            |[x, y]| [x / 8, y / 4],
+            |[x, y]| [x / 4, y / 8],
+        ] {
+            assert_eq!(keys(of, |i| i.count_ones() % 2 == 0), 8);
+            assert_eq!(keys(of, |i| i.count_ones() % 2 == 1), 8);
+        }
+        assert_eq!(place(16), place(0));
+    }
 
     #[test]
     fn jitter_moves_projected_points_by_the_sample_offset() {

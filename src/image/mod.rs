@@ -13,7 +13,9 @@ mod marks;
 mod read;
 mod sheet;
 
-pub use accumulate::{Accumulator, jittered, mean_difference, shifted, stratified};
+pub use accumulate::{
+    Accumulator, EVEN_SAMPLES, evenly, jittered, mean_difference, shifted, stratified,
+};
 pub use channels::{
     ChannelComparison, ChannelDifference, PictureChannel, PictureChannels, compare_channels,
 };
