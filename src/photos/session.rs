@@ -57,6 +57,25 @@ pub struct PhotoSession<'m> {
     pub remarks: Vec<String>,
 }
 
+/// Photographs that may be used for a picture.
+#[derive(Debug, Clone, Copy)]
+pub struct PhotoChoice<'a> {
+    /// Their indices in the scene.
+    pub allowed: &'a [usize],
+    /// How many at most; `None`: as many as the session uses.
+    pub most: Option<usize>,
+}
+
+impl<'a> PhotoChoice<'a> {
+    /// As many of these as the session uses.
+    pub fn of(allowed: &'a [usize]) -> Self {
+        Self {
+            allowed,
+            most: None,
+        }
+    }
+}
+
 /// A picture of the model with photographs on it.
 #[derive(Debug, Clone, Default)]
 pub struct PhotoPicture {
@@ -270,23 +289,25 @@ impl<'m> PhotoSession<'m> {
         }
     }
 
-    /// Chooses photographs for a view among `allowed`: by their worth at places of the picture, or for Princ's forms by the
-    /// direction of the view, half of them for what those leave uncovered where there are more than fit. Those of the second
-    /// half come with stage 1.
+    /// Chooses photographs for a view: by their worth at places of the picture, or for Princ's forms by the direction of the
+    /// view, half of them for what those leave uncovered where there are more than fit. Those of the second half come with
+    /// stage 1.
     fn choose(
         &self,
         surface: &SurfacePicture,
         view: &LookView,
-        allowed: &[usize],
+        choice: PhotoChoice<'_>,
         settings: &LookSettings,
     ) -> Vec<(usize, u32)> {
-        let most = self.options.most_photos.clamp(1, 64);
+        let allowed = choice.allowed;
+        let most = choice.most.unwrap_or(self.options.most_photos);
+        let most = most.clamp(1, 64);
         if allowed.len() <= most {
             return allowed.iter().map(|i| (*i, 0)).collect();
         }
         let places: Vec<SurfacePixel> = places_of(surface);
         let weight = |index: usize, pixel: &SurfacePixel| self.worth(index, pixel, view, settings);
-        if settings.form == WeightForm::Quality {
+        if matches!(settings.form, WeightForm::Quality | WeightForm::Baked) {
             let worth: Vec<Vec<f32>> = (allowed.par_iter())
                 .map(|index| places.iter().map(|pixel| weight(*index, pixel)).collect())
                 .collect();
@@ -315,7 +336,7 @@ impl<'m> PhotoSession<'m> {
         staged(first, 0).chain(staged(second, 1)).collect()
     }
 
-    /// A picture of a surface with the photographs that are chosen among `allowed` on it.
+    /// A picture of a surface with the photographs on it that are chosen.
     ///
     /// # Errors
     /// When a photograph cannot be decoded again.
@@ -323,11 +344,11 @@ impl<'m> PhotoSession<'m> {
         &mut self,
         camera: &CalibratedCamera,
         surface: &SurfacePicture,
-        allowed: &[usize],
+        choice: PhotoChoice<'_>,
         settings: &LookSettings,
     ) -> Result<PhotoPicture, PhotoError> {
         let view = self.view(camera);
-        let chosen = self.choose(surface, &view, allowed, settings);
+        let chosen = self.choose(surface, &view, choice, settings);
         let indices: Vec<usize> = chosen.iter().map(|(index, _)| *index).collect();
         let gains = match settings.gains {
             true => self.gains_of_view(surface, &view, &indices, settings),
