@@ -191,7 +191,7 @@ void main() {
     float all_weights = 0.0;
     for (int i = 0; i < blended; ++i) {
         float agrees = 1.0 - smooth_step(look.limits.y, 2.0 * look.limits.y, largest_of(abs(mixed_colors[i] - leading)));
-        float weight = parts[i] * mix(parts[i] * parts[i] * parts[i], 1.0, agrees);
+        float weight = parts[i] * mix(parts[i], 1.0, agrees);
         sum += mixed_colors[i] * weight;
         all_weights += weight;
     }

@@ -24,6 +24,8 @@ pub struct LadderRung {
     pub most: Option<usize>,
     /// No step of the ladder: something to compare with.
     pub is_beside: bool,
+    /// The mean of all photographs.
+    pub is_mean: bool,
 }
 
 /// Photographs that Princ's rungs use: two by the direction of the view, two for what these leave uncovered. His choice is
@@ -71,12 +73,6 @@ pub fn ladder() -> Vec<LadderRung> {
         blend: 1,
         ..LookSettings::default()
     };
-    let mean_atlas = LookSettings {
-        blend: 3,
-        tolerance: EVERYTHING_AGREES,
-        consensus: false,
-        ..atlas
-    };
     let rung = |name, text, settings: Option<LookSettings>| LadderRung {
         name,
         text,
@@ -85,6 +81,7 @@ pub fn ladder() -> Vec<LadderRung> {
             .is_some_and(|own| own.form == WeightForm::Printed || own.form == WeightForm::Mended))
         .then_some(PRINCS_PHOTOS),
         is_beside: false,
+        is_mean: false,
     };
     let beside = |name, text, settings| LadderRung {
         is_beside: true,
@@ -128,16 +125,12 @@ pub fn ladder() -> Vec<LadderRung> {
             "a texture of unlimited size baked of the sharpest photograph, with gains",
             atlas,
         ),
-        beside(
-            "mean",
-            "the same of the mean of the three sharpest",
-            mean_atlas,
-        ),
+        LadderRung {
+            is_mean: true,
+            ..beside("mean", "the same of the mean of all photographs", atlas)
+        },
     ]
 }
-
-/// A tolerance of colors that none exceeds.
-const EVERYTHING_AGREES: f32 = 10.0;
 
 /// A method's differences from one photograph.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
@@ -302,6 +295,7 @@ impl PhotoJudge<'_, '_> {
         for rung in self.rungs.clone() {
             let choice = PhotoChoice {
                 most: rung.most,
+                is_mean: rung.is_mean,
                 ..choice
             };
             let picture = match &rung.settings {

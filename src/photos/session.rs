@@ -8,7 +8,7 @@ use crate::photos::gains::exposure_gains;
 use crate::photos::library::PhotoLibrary;
 use crate::photos::look::{
     LookPhoto, LookPixel, LookSettings, LookView, PhotoDirection, SurfacePixel, WeightForm,
-    look_at_pixel, photo_weight,
+    look_at_pixel, mean_at_pixel, photo_weight,
 };
 use crate::photos::prepared::{PreparedPhoto, color_at, used_vertices};
 use crate::photos::projected::ProjectedPhoto;
@@ -64,6 +64,8 @@ pub struct PhotoChoice<'a> {
     pub allowed: &'a [usize],
     /// How many at most; `None`: as many as the session uses.
     pub most: Option<usize>,
+    /// The mean of all of them at each pixel, as a texture of means has it.
+    pub is_mean: bool,
 }
 
 impl<'a> PhotoChoice<'a> {
@@ -72,6 +74,7 @@ impl<'a> PhotoChoice<'a> {
         Self {
             allowed,
             most: None,
+            is_mean: false,
         }
     }
 }
@@ -382,6 +385,7 @@ impl<'m> PhotoSession<'m> {
             })
             .collect();
         let pixels = surface.pixels.par_iter().map(|pixel| match pixel {
+            Some(pixel) if choice.is_mean => mean_at_pixel(pixel, &view, &photos, settings),
             Some(pixel) => look_at_pixel(pixel, &view, &photos, settings),
             None => LookPixel::default(),
         });

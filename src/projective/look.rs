@@ -334,6 +334,32 @@ pub fn look_at_pixel(
     LookPixel::default()
 }
 
+/// The mean color of a place over all photographs that show it, each by its weight: what a texture of means holds there.
+pub fn mean_at_pixel(
+    pixel: &SurfacePixel,
+    view: &LookView,
+    photos: &[LookPhoto<'_>],
+    settings: &LookSettings,
+) -> LookPixel {
+    let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+    let mut found = LookPixel::default();
+    for (index, of) in (0..).zip(photos) {
+        let most = most_weight(pixel, view.ray_to(pixel.position), of.photo, settings);
+        let Some(own) = candidate(pixel, view, of, settings, most) else {
+            continue;
+        };
+        sum += color_of(&own, of, 0.0, settings.gains) * own.weight;
+        weights += own.weight;
+        if own.weight > found.weight {
+            (found.weight, found.best) = (own.weight, index);
+        }
+    }
+    if weights > 0.0 {
+        found.color = (sum / weights).clamp(Vec3::ZERO, Vec3::ONE).to_array();
+    }
+    found
+}
+
 /// Photographs that are looked at together.
 const BLOCK: usize = 64;
 
@@ -400,18 +426,15 @@ fn is_before(one: &PixelCandidate, other: &PixelCandidate) -> bool {
     one.weight > other.weight || (one.weight == other.weight && one.list_index < other.list_index)
 }
 
-/// Power of a weight, as part of the best one's, with which a photograph is mixed in although it disagrees: next to a border
-/// between choices both count alike, so that there is no seam, and away from it there is no ghost.
-const FEATHER: i32 = 3;
-
 /// Power with which weights choose the color that others are compared with.
 const LEADING: i32 = 8;
 
 /// Part of a weight that is left where as many weigh the same as are mixed.
 const LEAST_LEFT: f32 = 1e-3;
 
-/// The color of the best few candidates: each counts as far as it agrees with the best or is nearly as good. What the first
-/// that is left out weighs is taken off all, so that none comes or goes at a step (Buehler et al., section 3.2).
+/// The color of the best few candidates. One that disagrees counts by the square of its part of the best weight: next to a
+/// border between choices both count alike, so that there is no seam, and away from it there is no ghost. What the first that
+/// is left out weighs is taken off all, so that none comes or goes at a step (Buehler et al., section 3.2).
 fn mixed(
     best: &mut [PixelCandidate],
     photos: &[LookPhoto<'_>],
@@ -441,7 +464,7 @@ fn mixed(
     for (color, part) in colors.iter().zip(parts).take(count) {
         let apart = (*color - leading).abs().max_element();
         let agrees = 1.0 - smooth(settings.tolerance, 2.0 * settings.tolerance, apart);
-        let weight = part * (agrees + (1.0 - agrees) * part.powi(FEATHER));
+        let weight = part * (agrees + (1.0 - agrees) * part);
         sum += *color * weight;
         weights += weight;
     }
