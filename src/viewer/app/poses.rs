@@ -87,11 +87,15 @@ fn pose_map(
     let photos = cameras
         .enumerate()
         .map(|(index, own)| (index, arrow(own.center, own.axis()), is_used(index)));
-    let mut camera = arrow(eye, forward);
-    camera.at = camera.at.clamp(Vec2::splat(-0.97), Vec2::splat(0.97));
+    let border = Vec2::splat(0.97);
+    let camera = Some(arrow(eye, forward)).filter(|own| own.at.is_finite());
+    let camera = camera.map(|own| MapArrow {
+        at: own.at.clamp(-border, border),
+        ..own
+    });
     PoseMap {
         photos: photos.collect(),
-        camera: camera.at.is_finite().then_some(camera),
+        camera,
         surface: surface.iter().map(|at| place(*at)).collect(),
     }
 }
