@@ -226,14 +226,14 @@ pub(super) fn paint_poses(
     }
 }
 
-/// Paints the map in the lower left corner of the picture, which begins `inset` pixels from the left.
+/// Paints the map in the upper right corner of the picture (messages have the lower left one), which begins `inset` pixels from the left.
 pub(super) fn paint_map(context: &egui::Context, map: &PoseMap, inset: f32, size: egui::Vec2) {
     let left = inset / context.pixels_per_point();
     let side = MAP_SIDE.min(size.x - left - 24.0).min(size.y - 24.0);
     if side < 60.0 {
         return;
     }
-    let corner = egui::pos2(left + 12.0, size.y - 12.0 - side);
+    let corner = egui::pos2(size.x - 12.0 - side, 12.0);
     let area = egui::Rect::from_min_size(corner, egui::Vec2::splat(side));
     let painter = (context.layer_painter(egui::LayerId::background())).with_clip_rect(area);
     painter.rect_filled(
