@@ -33,6 +33,7 @@ layout(constant_id = 6) const bool HAS_MASKS = false;
 
 const uint FORM_PRINTED = 0u;
 const uint FORM_QUALITY = 2u;
+const uint FORM_BAKED = 3u;
 const uint DIRECTION_AXIS = 0u;
 const uint DIRECTION_HULL = 1u;
 const uint VISIBILITY_OFF = 0u;
@@ -96,6 +97,13 @@ float princ_weight(uint photo, vec3 ray, vec3 normal) {
     return max(towards_view, 0.0) * max((facing - limit_cos) / (1.0 - limit_cos), 0.0) * area;
 }
 
+// 1 inside of a photograph, falling to little at its border.
+float border_weight(vec2 at, vec2 size) {
+    vec2 inside = min(at, size - at);
+    float width = look.limits.z * min(size.x, size.y);
+    return width > 0.0 ? clamp(min(inside.x, inside.y) / width, 0.02, 1.0) : 1.0;
+}
+
 // What a photograph counts at a pixel; weight 0 where it does not show it.
 float weight_of(uint photo, SurfacePixel surface, vec3 view_ray) {
     vec3 p = in_camera(photo, surface.position);
@@ -115,10 +123,10 @@ float weight_of(uint photo, SurfacePixel surface, vec3 view_ray) {
         float same = SAME_RAY / (SAME_RAY + apart);
         float faces = surface.normal == vec3(0.0) ? 1.0 : smooth_step(look.limits.x, 0.6, facing);
         float texels = clamp(min(across, down), 0.05, 1.0);
-        vec2 inside = min(at, size - at);
-        float width = look.limits.z * min(size.x, size.y);
-        float border = width > 0.0 ? clamp(min(inside.x, inside.y) / width, 0.02, 1.0) : 1.0;
-        weight = same * faces * texels * border;
+        weight = same * faces * texels * border_weight(at, size);
+    } else if (WEIGHT_FORM == FORM_BAKED) {
+        vec2 scale = vec2(camera_of(photo, 0u).w, camera_of(photo, 1u).w) / p.z;
+        weight = facing * scale.x * scale.y * border_weight(at, size);
     } else {
         weight = princ_weight(photo, ray, surface.normal);
     }

@@ -15,7 +15,7 @@ use surfel::photos::look::{LookSettings, PhotoDirection, WeightForm};
 use surfel::photos::report::{picture_file, score_json, score_page, score_text};
 use surfel::photos::scene::{CalibratedCamera, PhotoScene};
 use surfel::photos::score::{PhotoJudge, ladder};
-use surfel::photos::session::{PhotoSession, SessionOptions};
+use surfel::photos::session::{PhotoChoice, PhotoSession, SessionOptions};
 use surfel::photos::surface::{SurfaceDrawer, calibrated_camera};
 use surfel::tree::Model;
 
@@ -268,7 +268,7 @@ fn render(args: RenderArgs, quiet: bool) -> Outcome {
         ..settings
     };
     let surface = session.drawer().surface(&camera)?;
-    let picture = session.picture(&camera, &surface, &allowed, &settings)?;
+    let picture = session.picture(&camera, &surface, PhotoChoice::of(&allowed), &settings)?;
     let colors = session.vertex_colors(&allowed)?;
     let base = session.drawer().vertex_colors(&colors, &camera)?;
     let color = picture

@@ -42,6 +42,9 @@ pub fn score_text(rungs: &[LadderRung], scores: &[PhotoScore]) -> String {
     }
     out.push('\n');
     for (index, rung) in rungs.iter().enumerate() {
+        if rung.is_beside && !rungs[index.saturating_sub(1)].is_beside {
+            out.push_str("beside:\n");
+        }
         let _ = write!(out, "{:<9}", rung.name);
         for (_, figure) in COLUMNS {
             let _ = write!(out, " {:>9.3}", mean(scores, index, figure));

@@ -7,7 +7,7 @@ use crate::photos::library::load_photo;
 use crate::photos::look::{LookSettings, PhotoDirection, WeightForm};
 use crate::photos::metrics::{ComparedPictures, RephotographyErrors};
 use crate::photos::scene::{CalibratedCamera, ScenePhoto};
-use crate::photos::session::{PhotoPicture, PhotoSession};
+use crate::photos::session::{PhotoChoice, PhotoPicture, PhotoSession};
 use crate::photos::surface::SurfacePicture;
 use crate::progress::Progress;
 
@@ -20,9 +20,19 @@ pub struct LadderRung {
     pub text: &'static str,
     /// Settings; `None` for colors of vertices.
     pub settings: Option<LookSettings>,
+    /// Photographs of a picture at most; `None`: as many as the session uses.
+    pub most: Option<usize>,
+    /// No step of the ladder: something to compare with.
+    pub is_beside: bool,
+    /// The mean of all photographs.
+    pub is_mean: bool,
 }
 
-/// The rungs, each with what the one before it has and one thing more.
+/// Photographs that Princ's rungs use: two by the direction of the view, two for what these leave uncovered. His choice is
+/// the only thing in them that looks at the view much, so it must leave some out.
+const PRINCS_PHOTOS: usize = 4;
+
+/// The rungs, each with what the one before it has and one thing more, and after them what is compared with.
 pub fn ladder() -> Vec<LadderRung> {
     let printed = LookSettings {
         form: WeightForm::Printed,
@@ -57,10 +67,25 @@ pub fn ladder() -> Vec<LadderRung> {
         gains: true,
         ..best
     };
-    let rung = |name, text, settings| LadderRung {
+    // A texture is made of all photographs, whatever view it is seen from.
+    let atlas = LookSettings {
+        form: WeightForm::Baked,
+        blend: 1,
+        ..LookSettings::default()
+    };
+    let rung = |name, text, settings: Option<LookSettings>| LadderRung {
         name,
         text,
         settings,
+        most: (settings
+            .is_some_and(|own| own.form == WeightForm::Printed || own.form == WeightForm::Mended))
+        .then_some(PRINCS_PHOTOS),
+        is_beside: false,
+        is_mean: false,
+    };
+    let beside = |name, text, settings| LadderRung {
+        is_beside: true,
+        ..rung(name, text, Some(settings))
     };
     vec![
         rung("vertices", "mean colors of vertices", None),
@@ -80,11 +105,6 @@ pub fn ladder() -> Vec<LadderRung> {
             Some(visible),
         ),
         rung(
-            "mended",
-            "his weight mended, a ray for each pixel",
-            Some(mended),
-        ),
-        rung(
             "best",
             "one photograph by ray, texels and border",
             Some(best),
@@ -95,6 +115,20 @@ pub fn ladder() -> Vec<LadderRung> {
             "and up to three blended where they agree",
             Some(LookSettings::default()),
         ),
+        beside(
+            "mended",
+            "visible with Princ's weight mended, a ray for each pixel",
+            mended,
+        ),
+        beside(
+            "atlas",
+            "a texture of unlimited size baked of the sharpest photograph, with gains",
+            atlas,
+        ),
+        LadderRung {
+            is_mean: true,
+            ..beside("mean", "the same of the mean of all photographs", atlas)
+        },
     ]
 }
 
@@ -233,9 +267,9 @@ impl PhotoJudge<'_, '_> {
         .collect();
         let on_mesh: Vec<bool> = surface.pixels.iter().map(Option::is_some).collect();
         // Seen by another photograph: what soft visibility and a mild limit of the angle leave.
-        let reference =
-            self.session
-                .picture(&target.camera, &surface, &others, &LookSettings::default())?;
+        let choice = PhotoChoice::of(&others);
+        let usual = LookSettings::default();
+        let reference = (self.session).picture(&target.camera, &surface, choice, &usual)?;
         let seen: Vec<bool> = reference
             .pixels
             .iter()
@@ -259,12 +293,14 @@ impl PhotoJudge<'_, '_> {
             rungs: Vec::new(),
         };
         for rung in self.rungs.clone() {
+            let choice = PhotoChoice {
+                most: rung.most,
+                is_mean: rung.is_mean,
+                ..choice
+            };
             let picture = match &rung.settings {
                 Some(settings) => {
-                    Some(
-                        self.session
-                            .picture(&target.camera, &surface, &others, settings)?,
-                    )
+                    Some((self.session).picture(&target.camera, &surface, choice, settings)?)
                 }
                 None => None,
             };
@@ -295,7 +331,8 @@ impl PhotoJudge<'_, '_> {
             gains: false,
             ..LookSettings::default()
         };
-        let picture = self.session.picture(&camera, &surface, all, &settings)?;
+        let choice = PhotoChoice::of(all);
+        let picture = (self.session).picture(&camera, &surface, choice, &settings)?;
         let mask: Vec<bool> = picture
             .pixels
             .iter()

@@ -8,7 +8,7 @@ use crate::photos::gains::exposure_gains;
 use crate::photos::library::PhotoLibrary;
 use crate::photos::look::{
     LookPhoto, LookPixel, LookSettings, LookView, PhotoDirection, SurfacePixel, WeightForm,
-    look_at_pixel, photo_weight,
+    look_at_pixel, mean_at_pixel, photo_weight,
 };
 use crate::photos::prepared::{PreparedPhoto, color_at, used_vertices};
 use crate::photos::projected::ProjectedPhoto;
@@ -55,6 +55,28 @@ pub struct PhotoSession<'m> {
     middle: Vec3,
     /// Sentences on all that could not be used.
     pub remarks: Vec<String>,
+}
+
+/// Photographs that may be used for a picture.
+#[derive(Debug, Clone, Copy)]
+pub struct PhotoChoice<'a> {
+    /// Their indices in the scene.
+    pub allowed: &'a [usize],
+    /// How many at most; `None`: as many as the session uses.
+    pub most: Option<usize>,
+    /// The mean of all of them at each pixel, as a texture of means has it.
+    pub is_mean: bool,
+}
+
+impl<'a> PhotoChoice<'a> {
+    /// As many of these as the session uses.
+    pub fn of(allowed: &'a [usize]) -> Self {
+        Self {
+            allowed,
+            most: None,
+            is_mean: false,
+        }
+    }
 }
 
 /// A picture of the model with photographs on it.
@@ -270,23 +292,25 @@ impl<'m> PhotoSession<'m> {
         }
     }
 
-    /// Chooses photographs for a view among `allowed`: by their worth at places of the picture, or for Princ's forms by the
-    /// direction of the view, half of them for what those leave uncovered where there are more than fit. Those of the second
-    /// half come with stage 1.
+    /// Chooses photographs for a view: by their worth at places of the picture, or for Princ's forms by the direction of the
+    /// view, half of them for what those leave uncovered where there are more than fit. Those of the second half come with
+    /// stage 1.
     fn choose(
         &self,
         surface: &SurfacePicture,
         view: &LookView,
-        allowed: &[usize],
+        choice: PhotoChoice<'_>,
         settings: &LookSettings,
     ) -> Vec<(usize, u32)> {
-        let most = self.options.most_photos.clamp(1, 64);
+        let allowed = choice.allowed;
+        let most = choice.most.unwrap_or(self.options.most_photos);
+        let most = most.clamp(1, 64);
         if allowed.len() <= most {
             return allowed.iter().map(|i| (*i, 0)).collect();
         }
         let places: Vec<SurfacePixel> = places_of(surface);
         let weight = |index: usize, pixel: &SurfacePixel| self.worth(index, pixel, view, settings);
-        if settings.form == WeightForm::Quality {
+        if matches!(settings.form, WeightForm::Quality | WeightForm::Baked) {
             let worth: Vec<Vec<f32>> = (allowed.par_iter())
                 .map(|index| places.iter().map(|pixel| weight(*index, pixel)).collect())
                 .collect();
@@ -315,7 +339,7 @@ impl<'m> PhotoSession<'m> {
         staged(first, 0).chain(staged(second, 1)).collect()
     }
 
-    /// A picture of a surface with the photographs that are chosen among `allowed` on it.
+    /// A picture of a surface with the photographs on it that are chosen.
     ///
     /// # Errors
     /// When a photograph cannot be decoded again.
@@ -323,11 +347,11 @@ impl<'m> PhotoSession<'m> {
         &mut self,
         camera: &CalibratedCamera,
         surface: &SurfacePicture,
-        allowed: &[usize],
+        choice: PhotoChoice<'_>,
         settings: &LookSettings,
     ) -> Result<PhotoPicture, PhotoError> {
         let view = self.view(camera);
-        let chosen = self.choose(surface, &view, allowed, settings);
+        let chosen = self.choose(surface, &view, choice, settings);
         let indices: Vec<usize> = chosen.iter().map(|(index, _)| *index).collect();
         let gains = match settings.gains {
             true => self.gains_of_view(surface, &view, &indices, settings),
@@ -361,6 +385,7 @@ impl<'m> PhotoSession<'m> {
             })
             .collect();
         let pixels = surface.pixels.par_iter().map(|pixel| match pixel {
+            Some(pixel) if choice.is_mean => mean_at_pixel(pixel, &view, &photos, settings),
             Some(pixel) => look_at_pixel(pixel, &view, &photos, settings),
             None => LookPixel::default(),
         });

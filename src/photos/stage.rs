@@ -307,6 +307,11 @@ impl PhotoStage {
         }
     }
 
+    /// Samples of the surface.
+    pub fn samples(&self) -> &[StagedSample] {
+        &self.model.samples
+    }
+
     /// The photographs, by their index in the scene.
     pub fn photos(&self) -> &[Option<StagedPhoto>] {
         &self.photos

@@ -22,6 +22,8 @@ pub enum WeightForm {
     /// Per pixel: rays, texels, borders.
     #[default]
     Quality,
+    /// The same from everywhere, as a baked texture has it: texels on the surface, borders.
+    Baked,
 }
 
 /// Direction that Princ's forms take a photograph to look in.
@@ -97,6 +99,14 @@ pub struct LookView {
     pub parallel: Option<Vec3>,
 }
 
+impl LookView {
+    /// Unit direction in which a point is seen.
+    fn ray_to(&self, position: Vec3) -> Vec3 {
+        let from_eye = || (position - self.eye).normalize_or_zero();
+        self.parallel.unwrap_or_else(from_eye)
+    }
+}
+
 /// A chosen photograph with what it holds.
 #[derive(Debug, Clone, Copy)]
 pub struct LookPhoto<'a> {
@@ -133,6 +143,9 @@ struct PixelCandidate {
 /// Candidates that compete at a pixel.
 const CANDIDATES: usize = 6;
 
+/// Photographs that are blended at most.
+const MOST_BLENDED: usize = 3;
+
 /// Candidates of less than this part of the best one's weight do not count: they would change no color by a level.
 const LEAST_SHARE: f32 = 1.0 / 64.0;
 
@@ -168,12 +181,31 @@ pub fn princ_weight(
     }
 }
 
-/// Weight of a photograph at a pixel; `None` where it does not show the point.
+/// What a photograph weighs at a pixel at most, by the directions alone.
+fn most_weight(
+    pixel: &SurfacePixel,
+    view_ray: Vec3,
+    photo: &ProjectedPhoto,
+    settings: &LookSettings,
+) -> f32 {
+    let ray = photo.ray_to(pixel.position);
+    // 1 - cos of the angle between the rays, half the square of the angle.
+    let apart = 1.0 - view_ray.dot(ray);
+    let same = SAME_RAY / (SAME_RAY + apart.max(0.0));
+    let faces = match pixel.normal == Vec3::ZERO {
+        true => 1.0,
+        false => smooth(settings.limit_cos, 0.6, -pixel.normal.dot(ray)),
+    };
+    same * faces
+}
+
+/// Weight of a photograph at a pixel; `None` where it does not show the point. `most` is [`most_weight`] of it.
 fn candidate(
     pixel: &SurfacePixel,
     view: &LookView,
     of: &LookPhoto<'_>,
     settings: &LookSettings,
+    most: f32,
 ) -> Option<PixelCandidate> {
     let photo = of.photo;
     let place = photo.place(pixel.position)?;
@@ -198,20 +230,14 @@ fn candidate(
             )
         }
         WeightForm::Quality => {
-            let to_pixel = || (pixel.position - view.eye).normalize_or_zero();
-            let view_ray = view.parallel.unwrap_or_else(to_pixel);
-            // 1 - cos of the angle between the rays, half the square of the angle.
-            let apart = 1.0 - view_ray.dot(ray);
-            let same = SAME_RAY / (SAME_RAY + apart.max(0.0));
-            let has_normal = pixel.normal != Vec3::ZERO;
-            let faces = if has_normal {
-                smooth(settings.limit_cos, 0.6, facing)
-            } else {
-                1.0
-            };
             // Fewer than one texel a pixel is blur, more is no gain.
             let texels = across.min(down).clamp(0.05, 1.0);
-            same * faces * texels * border_weight(photo, place, settings.border)
+            most * texels * border_weight(photo, place, settings.border)
+        }
+        WeightForm::Baked => {
+            // Texels on a unit of the surface's area.
+            let scale = photo.focal / place.depth;
+            facing * scale.x * scale.y * border_weight(photo, place, settings.border)
         }
     };
     if weight > 0.0 && settings.visibility != PhotoVisibility::Off {
@@ -242,7 +268,8 @@ pub fn photo_weight(
     of: &LookPhoto<'_>,
     settings: &LookSettings,
 ) -> f32 {
-    candidate(pixel, view, of, settings).map_or(0.0, |found| found.weight)
+    let most = most_weight(pixel, view.ray_to(pixel.position), of.photo, settings);
+    candidate(pixel, view, of, settings, most).map_or(0.0, |found| found.weight)
 }
 
 /// Texels that a step of a pixel takes in a photograph, to the right and down.
@@ -295,26 +322,7 @@ pub fn look_at_pixel(
 ) -> LookPixel {
     for stage in 0..=1 {
         let mut best = [PixelCandidate::default(); CANDIDATES];
-        let mut count = 0;
-        for (index, of) in (0..).zip(photos) {
-            if of.photo.stage != stage {
-                continue;
-            }
-            let Some(mut found) = candidate(pixel, view, of, settings) else {
-                continue;
-            };
-            found.list_index = index;
-            // Insertion into the few best, an earlier one first where they tie.
-            let mut at = count;
-            while at > 0 && best[at - 1].weight < found.weight {
-                at -= 1;
-            }
-            if at < CANDIDATES {
-                count = (count + 1).min(CANDIDATES);
-                best[at..count].rotate_right(1);
-                best[at] = found;
-            }
-        }
+        let mut count = best_of_stage(pixel, view, (photos, stage), settings, &mut best);
         let least = LEAST_SHARE * best[0].weight;
         count = (best[..count].iter())
             .take_while(|own| own.weight >= least)
@@ -326,7 +334,107 @@ pub fn look_at_pixel(
     LookPixel::default()
 }
 
-/// The color of the best of some candidates, or of those that agree with it.
+/// The mean color of a place over all photographs that show it, each by its weight: what a texture of means holds there.
+pub fn mean_at_pixel(
+    pixel: &SurfacePixel,
+    view: &LookView,
+    photos: &[LookPhoto<'_>],
+    settings: &LookSettings,
+) -> LookPixel {
+    let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+    let mut found = LookPixel::default();
+    for (index, of) in (0..).zip(photos) {
+        let most = most_weight(pixel, view.ray_to(pixel.position), of.photo, settings);
+        let Some(own) = candidate(pixel, view, of, settings, most) else {
+            continue;
+        };
+        sum += color_of(&own, of, 0.0, settings.gains) * own.weight;
+        weights += own.weight;
+        if own.weight > found.weight {
+            (found.weight, found.best) = (own.weight, index);
+        }
+    }
+    if weights > 0.0 {
+        found.color = (sum / weights).clamp(Vec3::ZERO, Vec3::ONE).to_array();
+    }
+    found
+}
+
+/// Photographs that are looked at together.
+const BLOCK: usize = 64;
+
+/// The few photographs of a stage that weigh most at a pixel, heaviest first, an earlier one before a later where they tie;
+/// how many. Which cannot weigh [`LEAST_SHARE`] of the best is not looked up.
+fn best_of_stage(
+    pixel: &SurfacePixel,
+    view: &LookView,
+    (photos, stage): (&[LookPhoto<'_>], u32),
+    settings: &LookSettings,
+    best: &mut [PixelCandidate; CANDIDATES],
+) -> usize {
+    let mut count = 0;
+    let mut add = |found: PixelCandidate| {
+        let mut at = count;
+        while at > 0 && is_before(&found, &best[at - 1]) {
+            at -= 1;
+        }
+        if at < CANDIDATES {
+            count = (count + 1).min(CANDIDATES);
+            best[at..count].rotate_right(1);
+            best[at] = found;
+        }
+        best[0].weight
+    };
+    let is_bounded = settings.form == WeightForm::Quality;
+    let view_ray = view.ray_to(pixel.position);
+    let mut least = 0.0_f32;
+    for (block, photos) in (0..).zip(photos.chunks(BLOCK)) {
+        let mut bounds = [0.0_f32; BLOCK];
+        let mut promising = 0;
+        for (i, of) in photos.iter().enumerate() {
+            bounds[i] = match (of.photo.stage == stage, is_bounded) {
+                (false, _) => continue,
+                (true, false) => 1.0,
+                (true, true) => most_weight(pixel, view_ray, of.photo, settings),
+            };
+            if bounds[i] > bounds[promising] {
+                promising = i;
+            }
+        }
+        // The most promising first: it tells which are not worth a look.
+        for i in std::iter::once(promising).chain((0..photos.len()).filter(|i| *i != promising)) {
+            if bounds[i] <= 0.0 || bounds[i] < least {
+                continue;
+            }
+            if let Some(found) = candidate(pixel, view, &photos[i], settings, bounds[i]) {
+                let list_index = (BLOCK * block + i) as u32;
+                let heaviest = add(PixelCandidate {
+                    list_index,
+                    ..found
+                });
+                if is_bounded {
+                    least = LEAST_SHARE * heaviest;
+                }
+            }
+        }
+    }
+    count
+}
+
+/// Whether a candidate comes before another: by weight, and where they tie by its place in the list.
+fn is_before(one: &PixelCandidate, other: &PixelCandidate) -> bool {
+    one.weight > other.weight || (one.weight == other.weight && one.list_index < other.list_index)
+}
+
+/// Power with which weights choose the color that others are compared with.
+const LEADING: i32 = 8;
+
+/// Part of a weight that is left where as many weigh the same as are mixed.
+const LEAST_LEFT: f32 = 1e-3;
+
+/// The color of the best few candidates. One that disagrees counts by the square of its part of the best weight: next to a
+/// border between choices both count alike, so that there is no seam, and away from it there is no ghost. What the first that
+/// is left out weighs is taken off all, so that none comes or goes at a step (Buehler et al., section 3.2).
 fn mixed(
     best: &mut [PixelCandidate],
     photos: &[LookPhoto<'_>],
@@ -337,24 +445,31 @@ fn mixed(
         agree(best, photos, settings);
     }
     let first = best[0];
-    let chosen = color_of(&first, of(&first), 0.0, settings.gains);
-    let (mut sum, mut weights) = (chosen * first.weight, first.weight);
-    for other in best
-        .iter()
-        .skip(1)
-        .take(settings.blend.saturating_sub(1) as usize)
-    {
-        let color = color_of(other, of(other), 0.0, settings.gains);
-        let apart = (color - chosen).abs().max_element();
-        let weight =
-            other.weight * (1.0 - smooth(settings.tolerance, 2.0 * settings.tolerance, apart));
-        sum += color * weight;
+    let most = (settings.blend as usize).clamp(1, MOST_BLENDED);
+    let left_out = best.get(most).map_or(0.0, |next| next.weight);
+    let left_out = left_out.max(LEAST_SHARE * first.weight) * (1.0 - LEAST_LEFT);
+    let count = most.min(best.len());
+    let (mut colors, mut parts) = ([Vec3::ZERO; MOST_BLENDED], [0.0; MOST_BLENDED]);
+    let (mut leading, mut leading_weights) = (Vec3::ZERO, 0.0);
+    for (i, candidate) in best[..count].iter().enumerate() {
+        colors[i] = color_of(candidate, of(candidate), 0.0, settings.gains);
+        // Consensus may leave less of a weight than the limit.
+        parts[i] = ((candidate.weight - left_out) / (first.weight - left_out)).max(0.0);
+        let leads = parts[i].powi(LEADING);
+        leading += colors[i] * leads;
+        leading_weights += leads;
+    }
+    leading /= leading_weights;
+    let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+    for (color, part) in colors.iter().zip(parts).take(count) {
+        let apart = (*color - leading).abs().max_element();
+        let agrees = 1.0 - smooth(settings.tolerance, 2.0 * settings.tolerance, apart);
+        let weight = part * (agrees + (1.0 - agrees) * part);
+        sum += *color * weight;
         weights += weight;
     }
     LookPixel {
-        color: (sum / weights.max(1e-20))
-            .clamp(Vec3::ZERO, Vec3::ONE)
-            .to_array(),
+        color: (sum / weights).clamp(Vec3::ZERO, Vec3::ONE).to_array(),
         weight: first.weight,
         best: first.list_index,
     }

@@ -69,7 +69,7 @@ pub const KEYS: &[KeyGroup] = &[
             ("Shift V", "photographs on the model"),
             (
                 "[ ]",
-                "look from where the previous or next photograph was taken",
+                "look from where the previous or next photograph was taken (or click on its pose)",
             ),
             ("I", "background: black, gray, white, gradient"),
             ("Shift Z, Shift X", "scale bar; axes"),
@@ -437,7 +437,9 @@ pub enum MouseGesture {
     Begin(DragAction, DVec2),
     /// The drag goes on: by how much.
     Move(DragAction, DVec2),
-    /// A double click on a point.
+    /// A click on a point, once the button is let go.
+    Click(DVec2),
+    /// A double click on a point, when the button goes down again.
     DoubleClick(DVec2),
     /// A click on a point to be measured.
     Measure(DVec2),
@@ -479,11 +481,12 @@ impl MouseState {
         time: f64,
     ) -> Option<MouseGesture> {
         if !pressed {
-            let (held, _, from) = self.drag?;
+            let (held, drag, from) = self.drag?;
             if held == button {
                 self.drag = None;
                 if button == MouseButton::Left && from.distance(self.at) <= CLICK_PX {
                     self.last_click = Some((time, self.at));
+                    return (drag == DragAction::Turn).then_some(MouseGesture::Click(self.at));
                 }
             }
             return None;

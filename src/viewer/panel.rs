@@ -535,7 +535,7 @@ mod patches;
 mod photographs;
 
 pub use measures::MeasureState;
-pub use photographs::{PhotographState, PhotographWish};
+pub use photographs::{PhotographRow, PhotographState, PhotographWish};
 
 #[cfg(test)]
 mod tests;

@@ -410,3 +410,89 @@ fn a_camera_that_faces_away_and_a_mask_give_nothing() {
     );
     assert!(look_at_pixel(&pixel, &view, &[traced.look()], &settings).weight > 0.0);
 }
+
+#[test]
+fn colors_change_without_steps_along_the_way_of_a_camera() {
+    // Four photographs that disagree in everything.
+    let mut photos = photos([1.0; 4]);
+    for (traced, rgb) in
+        photos
+            .iter_mut()
+            .zip([[230, 20, 20], [20, 230, 20], [20, 20, 230], [230, 230, 20]])
+    {
+        traced.pixels = PhotoPyramid::new(PhotoPixels::filled(240, 180, rgb));
+    }
+    let looks: Vec<LookPhoto<'_>> = photos.iter().map(TracedPhoto::look).collect();
+    let pixel = SurfacePixel {
+        position: Vec3::new(0.0, 3.0, WALL as f32),
+        normal: -Vec3::Z,
+        steps: [Vec3::X * 0.05, Vec3::Y * 0.05],
+    };
+    let colors: Vec<LookPixel> = (0..=600)
+        .map(|step| {
+            let view = LookView {
+                eye: Vec3::new(0.01 * step as f32 - 3.0, 0.2, 0.0),
+                direction: Vec3::Z,
+                parallel: None,
+            };
+            look_at_pixel(&pixel, &view, &looks, &LookSettings::default())
+        })
+        .collect();
+    let chosen: std::collections::BTreeSet<u32> = colors.iter().map(|own| own.best).collect();
+    assert_eq!(chosen.len(), 4, "all are the best somewhere");
+    let largest = (colors.windows(2))
+        .flat_map(|pair| (0..3).map(|c| (pair[0].color[c] - pair[1].color[c]).abs()))
+        .fold(0.0, f32::max);
+    // A weight falls from 1 to a half within 14 of these steps, so that the 0.82 between two colors take 10 at least.
+    assert!(largest < 0.08, "{largest}");
+}
+
+#[test]
+fn few_of_many_photographs_are_those_of_a_search_through_all() {
+    // A hundred cameras, so that there are several blocks.
+    let photos: Vec<TracedPhoto> = (0..100)
+        .map(|index| {
+            let x = (f64::from(index) * 0.618_034).fract() * 6.0 - 3.0;
+            let own = CalibratedCamera {
+                width: 24,
+                height: 18,
+                focal: [20.0; 2],
+                principal: [12.0, 9.0],
+                ..camera(DVec3::new(x, 0.2, 0.0), -0.1 * x)
+            };
+            TracedPhoto::new(index, &own, 1.0)
+        })
+        .collect();
+    let looks: Vec<LookPhoto<'_>> = photos.iter().map(TracedPhoto::look).collect();
+    let settings = LookSettings::default();
+    for step in 0..40 {
+        let pixel = SurfacePixel {
+            position: Vec3::new(0.1 * step as f32 - 2.0, 1.6, WALL as f32),
+            normal: Vec3::new(0.02 * step as f32, 0.0, -1.0).normalize(),
+            steps: [Vec3::X * 0.5, Vec3::Y * 0.5],
+        };
+        let view = LookView {
+            eye: Vec3::new(0.3, 0.1, 0.5),
+            direction: Vec3::Z,
+            parallel: None,
+        };
+        let mut all: Vec<(f32, u32)> = (0..)
+            .zip(&looks)
+            .map(|(index, of)| (photo_weight(&pixel, &view, of, &settings), index))
+            .filter(|(weight, _)| *weight > 0.0)
+            .collect();
+        all.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let least = LEAST_SHARE * all.first().map_or(0.0, |own| own.0);
+        all.retain(|own| own.0 >= least);
+        all.truncate(CANDIDATES);
+        let mut best = [PixelCandidate::default(); CANDIDATES];
+        let count = best_of_stage(&pixel, &view, (&looks, 0), &settings, &mut best);
+        let found: Vec<(f32, u32)> = best[..count]
+            .iter()
+            .map(|own| (own.weight, own.list_index))
+            .filter(|own| own.0 >= LEAST_SHARE * best[0].weight)
+            .collect();
+        assert_eq!(found, all, "{step}");
+        assert!(!all.is_empty());
+    }
+}

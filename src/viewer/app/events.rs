@@ -346,6 +346,7 @@ impl ViewerApp {
                 self.drag_distance *= factor;
             }
             MouseGesture::Measure(at) => self.measure_at(at)?,
+            MouseGesture::Click(at) => self.click_pose(at),
             MouseGesture::DoubleClick(at) => {
                 if let Some(distance) = self.probe(at)? {
                     self.change(|orbit| orbit.set_pivot(at, distance));

@@ -7,6 +7,7 @@ mod events;
 mod light;
 mod measuring;
 mod photographs;
+mod poses;
 mod show;
 
 use super::camera::OrbitCamera;
@@ -288,7 +289,7 @@ impl ViewerApp {
     pub(super) fn has_cover(&self) -> bool {
         let has_notices = !self.notices.list().is_empty();
         let has_window = self.has_panel || self.has_help || self.has_graph;
-        has_window || has_notices || self.photographs.has_frusta || self.measuring.is_shown()
+        has_window || has_notices || self.photographs.has_marks() || self.measuring.is_shown()
     }
 
     pub(super) fn warn(&mut self, message: &str) {

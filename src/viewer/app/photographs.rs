@@ -11,7 +11,7 @@ use crate::photos::surface::renderer_camera;
 use crate::projective::frame_photos::{ComparedPhoto, FramePhotos};
 use crate::render::vulkan::photos::pool::PhotoPool;
 use crate::render::{PhotoDisplay, Settings};
-use crate::viewer::panel::{PhotographState, PhotographWish};
+use crate::viewer::panel::{PhotographRow, PhotographState, PhotographWish};
 use crate::viewer::{Error, text};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -22,19 +22,16 @@ const LONGEST_SIDE: u32 = 4096;
 /// Bytes of whole photographs in memory.
 const MEMORY_BYTES: u64 = 2 << 30;
 
-/// Part of the scene's size that a frustum reaches.
-const FRUSTUM_PART: f32 = 0.12;
-
 /// Photographs of the window.
 #[derive(Debug, Default)]
 pub(super) struct ModelPhotographs {
     loader: Option<PhotoLoader>,
-    scene: Option<Arc<PhotoScene>>,
-    stage: Option<PhotoStage>,
+    pub(super) scene: Option<Arc<PhotoScene>>,
+    pub(super) stage: Option<PhotoStage>,
     /// Which may be used.
     allowed: Vec<bool>,
     /// Those of the last frame, and what they were chosen for.
-    frame: Option<Arc<FramePhotos>>,
+    pub(super) frame: Option<Arc<FramePhotos>>,
     chosen_for: Option<View>,
     /// What is there changed since they were.
     is_stale: bool,
@@ -42,13 +39,20 @@ pub(super) struct ModelPhotographs {
     is_readying: bool,
     /// Their poses are drawn in the picture.
     pub(super) has_frusta: bool,
+    /// A map of them is shown.
+    pub(super) has_radar: bool,
     /// The photograph in whose pose the camera is, and that camera.
-    pose: Option<(usize, Camera)>,
+    pub(super) pose: Option<(usize, Camera)>,
     /// Part of the picture that shows that photograph as it is.
     compared: f32,
 }
 
 impl ModelPhotographs {
+    /// Whether something of them is painted over the picture.
+    pub(super) fn has_marks(&self) -> bool {
+        self.has_frusta || self.has_radar
+    }
+
     /// Whether threads will send something.
     fn is_loading(&self) -> bool {
         let Some(stage) = &self.stage else {
@@ -103,6 +107,7 @@ impl ViewerApp {
         };
         self.photographs = ModelPhotographs {
             has_frusta: self.photographs.has_frusta,
+            has_radar: self.photographs.has_radar,
             is_readying: true,
             ..ModelPhotographs::default()
         };
@@ -285,17 +290,16 @@ impl ViewerApp {
             let mut all = own.frame.iter().flat_map(|frame| &frame.photos);
             all.any(|own| own.photo.index as usize == index)
         };
-        let photos = scene.photos.iter().enumerate().map(|(index, photo)| {
-            (
-                text::name(std::path::Path::new(&photo.name)),
-                own.allowed[index],
-                stage.photos()[index].is_some(),
-                chosen(index) && self.settings.shows_photos(),
-            )
+        let photos = (scene.photos.iter().enumerate()).map(|(index, photo)| PhotographRow {
+            name: text::name(std::path::Path::new(&photo.name)),
+            is_allowed: own.allowed[index],
+            is_used: chosen(index) && self.settings.shows_photos(),
+            thumbnail: (stage.photos()[index].as_ref()).map(|own| own.thumbnail.clone()),
         });
         Some(PhotographState {
             photos: photos.collect(),
             has_frusta: own.has_frusta,
+            has_radar: own.has_radar,
             pose: own.pose.as_ref().map(|(index, _)| *index),
             compared: own.compared,
         })
@@ -313,6 +317,7 @@ impl ViewerApp {
             PhotographWish::FlyTo(index) => self.fly_to_photograph(index),
             PhotographWish::Compare(part) => self.photographs.compared = part.clamp(0.0, 1.0),
             PhotographWish::Frusta(has_frusta) => self.photographs.has_frusta = has_frusta,
+            PhotographWish::Radar(has_radar) => self.photographs.has_radar = has_radar,
         }
         self.photographs.is_stale = true;
         (self.is_dirty, self.is_cover_dirty) = (true, true);
@@ -383,44 +388,6 @@ impl ViewerApp {
     /// Everything on the device is gone.
     pub(super) fn photographs_lost_device(&mut self) {
         self.photographs.is_stale = true;
-    }
-
-    /// Lines of the poses of all photographs in the picture, pixels, and the one that each belongs to.
-    pub(super) fn frusta(&self) -> Vec<([[f32; 2]; 2], usize)> {
-        let own = &self.photographs;
-        let (Some(scene), Some(view), true) = (&own.scene, self.view_of_picture(), own.has_frusta)
-        else {
-            return Vec::new();
-        };
-        let Some(model) = self.screen.model() else {
-            return Vec::new();
-        };
-        let reach = f64::from(FRUSTUM_PART * model.orbit_radius);
-        let mut lines = Vec::new();
-        for (index, photo) in scene.photos.iter().enumerate() {
-            if own.pose.as_ref().is_some_and(|(pose, _)| *pose == index) {
-                continue;
-            }
-            let camera = photo.camera.pinhole();
-            let [w, h] = [camera.width.max(1), camera.height.max(1)].map(f64::from);
-            let at = |x: f64, y: f64| {
-                let ray = glam::DVec3::new(
-                    (x - camera.principal[0]) / camera.focal[0],
-                    (y - camera.principal[1]) / camera.focal[1],
-                    1.0,
-                );
-                let world = camera.center + camera.rotation.transpose() * ray * reach;
-                (world - model.origin).as_vec3()
-            };
-            let eye = (camera.center - model.origin).as_vec3();
-            let corners = [at(0.0, 0.0), at(w, 0.0), at(w, h), at(0.0, h)];
-            for i in 0..4 {
-                for [a, b] in [[eye, corners[i]], [corners[i], corners[(i + 1) % 4]]] {
-                    lines.extend(view.visible_line([a, b]).map(|line| (line, index)));
-                }
-            }
-        }
-        lines
     }
 }
 

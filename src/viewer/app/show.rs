@@ -4,9 +4,9 @@
 //! screenshots and photos are those of a window of that width. So no picture on file has a panel on it.
 
 use super::ViewerApp;
+use super::poses::{paint_map, paint_poses};
 use crate::image::PictureMarks;
 use crate::math::camera::Camera;
-use crate::projective::frame_photos::photo_tint;
 use crate::viewer::panel::{self, PanelState, PanelWish, measures};
 use crate::viewer::{Error, help};
 use egui::{Align2, Area, Frame, vec2};
@@ -103,7 +103,8 @@ impl ViewerApp {
             photographs: self.photograph_state(),
             measures: self.measure_state(),
         };
-        let frusta = self.frusta();
+        let poses = self.poses();
+        let pose_map = self.pose_map();
         let measure_marks = self.measure_marks();
         let marks = self.picture_marks();
         let inset = self.inset() as f32;
@@ -111,7 +112,10 @@ impl ViewerApp {
         let budget = control.map_or(1000.0 / 60.0, |(_, ms, _)| ms);
         let painted = self.interface.run(self.time, |ui| {
             let context = ui.ctx();
-            paint_frusta(context, &frusta, inset, size);
+            paint_poses(context, &poses, inset, size);
+            if let Some(map) = &pose_map {
+                paint_map(context, map, inset, size);
+            }
             measures::paint(context, &measure_marks, inset, size);
             measures::point_info(context, self.measuring.seen());
             paint_marks(context, &marks, inset, size);
@@ -172,31 +176,6 @@ impl ViewerApp {
             }
         }
         Ok(())
-    }
-}
-
-/// Paints the poses of photographs over the picture, which begins `inset` pixels from the left, in the colors that stand for
-/// them.
-fn paint_frusta(
-    context: &egui::Context,
-    lines: &[([[f32; 2]; 2], usize)],
-    inset: f32,
-    size: egui::Vec2,
-) {
-    if lines.is_empty() {
-        return;
-    }
-    let scale = context.pixels_per_point();
-    let left = inset / scale;
-    let area = egui::Rect::from_min_max(egui::pos2(left, 0.0), egui::pos2(size.x, size.y));
-    let painter = context
-        .layer_painter(egui::LayerId::background())
-        .with_clip_rect(area);
-    for (line, photo) in lines {
-        let [r, g, b] = photo_tint(*photo as u32).map(|v| (v * 255.0) as u8);
-        let points = line.map(|[x, y]| egui::pos2(left + x / scale, y / scale));
-        let color = egui::Color32::from_rgb(r, g, b);
-        painter.line_segment(points, egui::Stroke::new(1.5, color));
     }
 }
 

@@ -76,6 +76,7 @@ impl PhotoVariant {
                     WeightForm::Printed => 0,
                     WeightForm::Mended => 1,
                     WeightForm::Quality => 2,
+                    WeightForm::Baked => 3,
                 }),
                 WEIGHT_DIRECTION.is(match look.direction {
                     PhotoDirection::Axis => 0,
