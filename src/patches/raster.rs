@@ -283,7 +283,6 @@ impl PatchRaster {
             number += patches.ids.len() as u32;
         }
         let bands = edges.len() - 1;
-        let last = bands as f32 - 1.0;
         share(
             &mut vec![(); self.threads],
             self.parts.iter_mut(),
@@ -297,13 +296,11 @@ impl PatchRaster {
                         prefetch_index(polygons, ahead as usize);
                     }
                     let rows = view.rows_of(&polygons[id as usize]);
-                    let [first, last] = rows.map(|row| {
-                        ((row - top as f32) * (1.0 / BAND_ROWS as f32))
-                            .floor()
-                            .min(last)
-                    });
-                    // Casts saturate, and take what is no number to 0. Bands above the first are none.
-                    for band in first.max(0.0) as usize..(last + 1.0) as usize {
+                    let [first, end] =
+                        rows.map(|row| (row - top as f32) * (1.0 / BAND_ROWS as f32));
+                    // Casts saturate, and take what is no number to 0.
+                    let (first, end) = (first.max(0.0) as usize, (end + 1.0).min(bands as f32));
+                    for band in first..end as usize {
                         part.bands[band].push(place as u32);
                     }
                 }

@@ -3,10 +3,10 @@
 //! A block may begin at any pixel, so that most small patches lie in one. Depth is compared before anything is shaded.
 
 use super::PatchLight;
-use super::set_up::{FORMS, PatchBatch};
+use super::set_up::{FORMS, LaneRow, PatchBatch};
 use super::view::RasterView;
 use fearless_simd::prelude::*;
-use fearless_simd::{f32x4, f32x16, i32x16, mask32x16, u32x4, u32x16};
+use fearless_simd::{f32x4, f32x16, i32x16, u32x4, u32x16};
 
 /// Pixels of a side of a block.
 pub(super) const SIDE: usize = 4;
@@ -56,9 +56,8 @@ pub(super) struct BatchLane<'a> {
     pub(super) number: u32,
 }
 
-/// Pixels of a block that a patch wins.
-struct WonPixels<S: Simd> {
-    mask: mask32x16<S>,
+/// Pixels of a block.
+struct BlockPixels<S: Simd> {
     /// From the middle of the patch, pixels.
     at: [Lanes<S>; 2],
     /// Change of the nearness from the middle, in the plane.
@@ -110,25 +109,29 @@ impl RasterBand<'_> {
             sides,
             number,
         } = patch;
-        let splat = |value: f32| Lanes::<S>::splat(simd, value);
-        let [middle_x, middle_y] = batch.middle.each_ref().map(|row| row.0[lane]);
-        let x = Lanes::<S>::from_slice(simd, &COLUMNS) + (column as f32 - middle_x);
-        let y = Lanes::<S>::from_slice(simd, &ROWS) + (row as f32 - middle_y);
-        let distance = |form: usize| {
-            let [a, b, c] = batch.forms[form].each_ref().map(|row| row.0[lane]);
-            x.mul_add(splat(a), y.mul_add(splat(b), splat(c)))
-        };
-        let mut inside_px = distance(FORMS - 2).min(distance(FORMS - 1));
-        for side in 0..sides {
-            inside_px = inside_px.min(distance(side));
+        // Rounded once, so that no pixel depends on where its block begins.
+        let x = Lanes::<S>::from_slice(simd, &COLUMNS) + column as f32;
+        let y = Lanes::<S>::from_slice(simd, &ROWS) + row as f32;
+        let [left, top, right, bottom] = &batch.pixels;
+        // At sharp corners the forms alone reach beyond.
+        let there = x.simd_gt(left.0[lane])
+            & x.simd_lt(right.0[lane])
+            & y.simd_gt(top.0[lane])
+            & y.simd_lt(bottom.0[lane]);
+        let x = x - batch.middle[0].0[lane];
+        let y = y - batch.middle[1].0[lane];
+        let first_end = linear(simd, &batch.forms[FORMS - 2], lane, [x, y]);
+        let mut inside_px = first_end.min(linear(simd, &batch.forms[FORMS - 1], lane, [x, y]));
+        for form in &batch.forms[..sides] {
+            inside_px = inside_px.min(linear(simd, form, lane, [x, y]));
         }
-        let covered = inside_px.simd_ge(-batch.margin_px.0[lane]);
+        let covered = there & inside_px.simd_ge(-batch.margin_px.0[lane]);
         if !covered.any_true() {
             return;
         }
         let own = batch.nearness.0[lane];
-        let [slope_x, slope_y] = batch.slope.each_ref().map(|row| row.0[lane]);
-        let [low, high] = batch.limits.each_ref().map(|row| row.0[lane]);
+        let (slope_x, slope_y) = (batch.slope[0].0[lane], batch.slope[1].0[lane]);
+        let (low, high) = (batch.limits[0].0[lane], batch.limits[1].0[lane]);
         let change = (x * slope_x + y * slope_y).max(low).min(high);
         let mut nearness = change + own;
         let beside = covered & inside_px.simd_lt(0.0);
@@ -143,9 +146,12 @@ impl RasterBand<'_> {
         let width = right - left;
         let (down, aside) = (row - top, column - left);
         let at = |line: usize| (down + line) * width + aside;
-        let front = four_rows(simd, |line| {
-            f32x4::from_slice(simd, &self.depths[at(line)..at(line) + SIDE])
-        });
+        let front = (f32x4::from_slice(simd, four(self.depths, at(0))))
+            .combine(f32x4::from_slice(simd, four(self.depths, at(1))))
+            .combine(
+                f32x4::from_slice(simd, four(self.depths, at(2)))
+                    .combine(f32x4::from_slice(simd, four(self.depths, at(3)))),
+            );
         let mask = covered & depth.simd_gt(front);
         if !mask.any_true() {
             return;
@@ -157,21 +163,19 @@ impl RasterBand<'_> {
         }
         let own: u32x16<S> = match ink {
             BlockInk::Lit(light) => {
-                let won = WonPixels {
-                    mask,
-                    at: [x, y],
-                    change,
-                };
+                let won = BlockPixels { at: [x, y], change };
                 lit(simd, view, light, patch, &won)
             }
             BlockInk::Numbers => u32x16::splat(simd, number),
         };
         let pitch = self.pitch;
         let at = |line: usize| (down + line) * pitch + aside;
-        let words = |line: usize| u32x4::from_slice(simd, &self.words[at(line)..at(line) + SIDE]);
-        let there = words(0)
-            .combine(words(1))
-            .combine(words(2).combine(words(3)));
+        let there = (u32x4::from_slice(simd, four(self.words, at(0))))
+            .combine(u32x4::from_slice(simd, four(self.words, at(1))))
+            .combine(
+                u32x4::from_slice(simd, four(self.words, at(2)))
+                    .combine(u32x4::from_slice(simd, four(self.words, at(3)))),
+            );
         let (low, high) = mask.select(own, there).split();
         let ((a, b), (c, d)) = (low.split(), high.split());
         for (line, words) in [a, b, c, d].into_iter().enumerate() {
@@ -180,9 +184,69 @@ impl RasterBand<'_> {
     }
 }
 
+/// Pixels of a row of a block.
 #[inline(always)]
-fn four_rows<S: Simd>(_: S, row: impl Fn(usize) -> f32x4<S>) -> Lanes<S> {
-    row(0).combine(row(1)).combine(row(2).combine(row(3)))
+fn four<T>(all: &[T], at: usize) -> &[T] {
+    &all[at..at + SIDE]
+}
+
+// Functions, as what closures do need not be compiled for the vectors of the function that they are in.
+
+/// A linear form at places counted from the middle of a patch.
+#[inline(always)]
+fn linear<S: Simd>(simd: S, form: &[LaneRow; 3], lane: usize, [x, y]: [Lanes<S>; 2]) -> Lanes<S> {
+    let splat = Lanes::<S>::splat(simd, form[1].0[lane]);
+    let rest = y.mul_add(splat, Lanes::<S>::splat(simd, form[2].0[lane]));
+    x.mul_add(Lanes::<S>::splat(simd, form[0].0[lane]), rest)
+}
+
+/// What changes along both coordinates of a plane.
+#[inline(always)]
+fn along<S: Simd>(
+    simd: S,
+    rows: &[[LaneRow; 3]; 3],
+    (part, lane): (usize, usize),
+    [u, v]: [Lanes<S>; 2],
+) -> Lanes<S> {
+    let middle = Lanes::<S>::splat(simd, rows[0][part].0[lane]);
+    let along_v = v.mul_add(Lanes::<S>::splat(simd, rows[2][part].0[lane]), middle);
+    u.mul_add(Lanes::<S>::splat(simd, rows[1][part].0[lane]), along_v)
+}
+
+/// A coordinate in the plane.
+#[inline(always)]
+fn foot<S: Simd>(
+    simd: S,
+    batch: &PatchBatch,
+    (axis, lane): (usize, usize),
+    pixels: &BlockPixels<S>,
+    over: Lanes<S>,
+) -> Lanes<S> {
+    let [a, b, c] = &batch.feet[axis];
+    let [x, y] = pixels.at;
+    let rest = y.mul_add(
+        Lanes::<S>::splat(simd, b.0[lane]),
+        pixels.change * c.0[lane],
+    );
+    let along = x.mul_add(Lanes::<S>::splat(simd, a.0[lane]), rest) * over;
+    let [low, high] = &batch.extent[axis];
+    along.max(low.0[lane]).min(high.0[lane])
+}
+
+/// A channel as a byte.
+#[inline(always)]
+fn byte<S: Simd>(
+    simd: S,
+    (light, patch): (&PatchLight, BatchLane<'_>),
+    part: usize,
+    (at, lambert): ([Lanes<S>; 2], Lanes<S>),
+) -> i32x16<S> {
+    let mut value = lambert * light.albedo[part];
+    if light.has_colors {
+        let own = along(simd, &patch.batch.color, (part, patch.lane), at);
+        value = value * own.max(0.0).min(1.0);
+    }
+    (value.min(1.0) * 255.0).round_ties_even().to_int()
 }
 
 /// Nearness of what lies beside a footprint: farther by the thickness and by that, up to the far plane.
@@ -211,33 +275,29 @@ fn lit<S: Simd>(
     view: &RasterView,
     light: &PatchLight,
     patch: BatchLane<'_>,
-    won: &WonPixels<S>,
+    won: &BlockPixels<S>,
 ) -> u32x16<S> {
     let BatchLane { batch, lane, .. } = patch;
-    let splat = |value: f32| Lanes::<S>::splat(simd, value);
-    let (one, zero) = (splat(1.0), splat(0.0));
+    let one = Lanes::<S>::splat(simd, 1.0);
     let [x, y] = won.at;
     let over = match view.is_perspective {
         true => one / (won.change + batch.nearness.0[lane]),
         false => one,
     };
-    let foot = |i: usize| {
-        let [a, b, c] = batch.feet[i].each_ref().map(|row| row.0[lane]);
-        let [low, high] = batch.extent[i].each_ref().map(|row| row.0[lane]);
-        let along = x.mul_add(splat(a), y.mul_add(splat(b), won.change * c));
-        (along * over).max(low).min(high)
-    };
-    let (u, v) = (foot(0), foot(1));
-    let of = |rows: &[[super::set_up::LaneRow; 3]; 3], i: usize| {
-        let [middle, along_u, along_v] = rows.each_ref().map(|rows| rows[i].0[lane]);
-        u.mul_add(splat(along_u), v.mul_add(splat(along_v), splat(middle)))
-    };
-    let normal = [0, 1, 2].map(|i: usize| of(&batch.normal, i));
+    let at = [
+        foot(simd, batch, (0, lane), won, over),
+        foot(simd, batch, (1, lane), won, over),
+    ];
+    let normal = [
+        along(simd, &batch.normal, (0, lane), at),
+        along(simd, &batch.normal, (1, lane), at),
+        along(simd, &batch.normal, (2, lane), at),
+    ];
     let squared = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
     let facing = if light.is_parallel {
         normal[2] / squared.sqrt()
     } else {
-        let [ray_x, ray_y] = batch.ray.each_ref().map(|row| row.0[lane]);
+        let (ray_x, ray_y) = (batch.ray[0].0[lane], batch.ray[1].0[lane]);
         let to_x = -(x * view.ray_scale.x + ray_x);
         let to_y = -(y * view.ray_scale.y + ray_y);
         let long = to_x * to_x + (to_y * to_y + 1.0);
@@ -245,20 +305,13 @@ fn lit<S: Simd>(
     };
     let lambert = match light.is_two_sided {
         true => facing.abs(),
-        false => facing.max(zero),
+        false => facing.max(0.0),
     };
     let share = batch.share.0[lane];
     let lambert = squared.simd_gt(0.0).select(lambert.min(one), one) * share;
-    let channel = |i: usize| {
-        let value = match light.has_colors {
-            true => of(&batch.color, i).max(zero).min(one) * light.albedo[i],
-            false => splat(light.albedo[i]),
-        };
-        let byte: i32x16<S> = ((value * lambert).min(1.0) * 255.0)
-            .round_ties_even()
-            .to_int();
-        byte
-    };
-    let word = channel(0) | (channel(1) << 8) | (channel(2) << 16) | COVERED;
-    word.bitcast()
+    let (how, what) = ((light, patch), (at, lambert));
+    let red = byte(simd, how, 0, what);
+    let green = byte(simd, how, 1, what);
+    let blue = byte(simd, how, 2, what);
+    (red | (green << 8) | (blue << 16) | COVERED).bitcast()
 }

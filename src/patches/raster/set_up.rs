@@ -98,7 +98,11 @@ impl RecordRows {
 
     #[inline(always)]
     fn triple<S: Simd>(&self, simd: S, first: usize) -> Triple<S> {
-        [0, 1, 2].map(|i: usize| self.word(simd, first + i))
+        [
+            self.word(simd, first),
+            self.word(simd, first + 1),
+            self.word(simd, first + 2),
+        ]
     }
 }
 
@@ -109,15 +113,72 @@ macro_rules! word_of {
     };
 }
 
+// Functions and loops, as what closures do need not be compiled for the vectors of the function that they are in.
+
+#[inline(always)]
+fn splat<S: Simd>(simd: S, value: f32) -> Lanes<S> {
+    Lanes::<S>::splat(simd, value)
+}
+
+#[inline(always)]
+fn store_all<S: Simd>(rows: &mut [LaneRow; 3], values: Triple<S>) {
+    rows[0].store(values[0]);
+    rows[1].store(values[1]);
+    rows[2].store(values[2]);
+}
+
+#[inline(always)]
+fn component<S: Simd>(view: &RasterView, v: Triple<S>, i: usize) -> Lanes<S> {
+    let turn = &view.rotation;
+    v[0] * turn.x_axis[i] + v[1] * turn.y_axis[i] + v[2] * turn.z_axis[i]
+}
+
 #[inline(always)]
 fn rotated<S: Simd>(view: &RasterView, v: Triple<S>) -> Triple<S> {
-    let [x, y, z] = [
-        view.rotation.x_axis,
-        view.rotation.y_axis,
-        view.rotation.z_axis,
-    ];
-    let one = |i: usize| v[0] * x[i] + v[1] * y[i] + v[2] * z[i];
-    [one(0), one(1), one(2)]
+    [
+        component(view, v, 0),
+        component(view, v, 1),
+        component(view, v, 2),
+    ]
+}
+
+#[inline(always)]
+fn scaled<S: Simd>(v: Triple<S>, factor: f32) -> Triple<S> {
+    [v[0] * factor, v[1] * factor, v[2] * factor]
+}
+
+#[inline(always)]
+fn sum<S: Simd>(a: Triple<S>, of_a: Lanes<S>, b: Triple<S>, of_b: Lanes<S>) -> Triple<S> {
+    [
+        a[0] * of_a + b[0] * of_b,
+        a[1] * of_a + b[1] * of_b,
+        a[2] * of_a + b[2] * of_b,
+    ]
+}
+
+/// What is compared between patches: the larger the nearer.
+#[inline(always)]
+fn nearness<S: Simd>(simd: S, view: &RasterView, distance: Lanes<S>) -> Lanes<S> {
+    match view.is_perspective {
+        true => splat(simd, 1.0) / distance,
+        false => -distance,
+    }
+}
+
+/// Forms of both ends of a footprint along a direction.
+#[inline(always)]
+fn ends<S: Simd>(
+    simd: S,
+    places: &[[Lanes<S>; 2]; MOST_CORNERS],
+    along: [Lanes<S>; 2],
+) -> [Triple<S>; 2] {
+    let (mut first, mut last) = (splat(simd, f32::INFINITY), splat(simd, f32::NEG_INFINITY));
+    for place in places {
+        let at = place[0] * along[0] + place[1] * along[1];
+        first = first.min(at);
+        last = last.max(at);
+    }
+    [[along[0], along[1], -first], [-along[0], -along[1], last]]
 }
 
 #[inline(always)]
@@ -207,16 +268,15 @@ impl PatchBatch {
         (corners, margin_px): (&SeenCorners<S>, Lanes<S>),
         rect_px: [f32; 4],
     ) {
-        let number = |value: f32| Lanes::<S>::splat(simd, value);
         for axis in 0..2 {
             let middle = (planes.ray[axis] - view.ray_offset[axis]) * (1.0 / view.ray_scale[axis]);
-            let [low, high] = [rect_px[axis], rect_px[axis + 2]].map(number);
+            let (low, high) = (rect_px[axis], rect_px[axis + 2]);
             let first = (middle + corners.low[axis] - margin_px - 0.5).ceil();
             let end = (middle + corners.high[axis] + margin_px + 0.5).floor();
             self.middle[axis].store(middle);
             self.ray[axis].store(planes.ray[axis]);
-            self.pixels[axis].store(first.max(low).min(high));
-            self.pixels[axis + 2].store(end.max(low).min(high));
+            self.pixels[axis].store(first.max(splat(simd, low)).min(splat(simd, high)));
+            self.pixels[axis + 2].store(end.max(splat(simd, low)).min(splat(simd, high)));
         }
     }
 
@@ -229,32 +289,23 @@ impl PatchBatch {
         planes: &SeenPlanes<S>,
         corners: &SeenCorners<S>,
     ) {
-        let number = |value: f32| Lanes::<S>::splat(simd, value);
-        let [near, far] = [number(view.near), number(view.far)];
-        let distance = -planes.origin[2];
-        let nearness = |distance: Lanes<S>| match view.is_perspective {
-            true => number(1.0) / distance,
-            false => -distance,
-        };
-        let own = nearness(distance);
+        let (near, far) = (splat(simd, view.near), splat(simd, view.far));
+        let own = nearness(simd, view, -planes.origin[2]);
         self.nearness.store(own);
-        let limits = [
-            (corners.farthest + planes.thickness).max(near).min(far),
-            (corners.nearest - planes.thickness).max(near).min(far),
-        ];
-        for (row, limit) in self.limits.iter_mut().zip(limits) {
-            row.store(nearness(limit) - own);
-        }
+        let farthest = (corners.farthest + planes.thickness).max(near).min(far);
+        let nearest = (corners.nearest - planes.thickness).max(near).min(far);
+        self.limits[0].store(nearness(simd, view, farthest) - own);
+        self.limits[1].store(nearness(simd, view, nearest) - own);
         // In a perspective the ray is t (x, y, -1), and 1 / t = n . (x, y, -1) / n . o; else n . (x, y, z) = n . o.
         let over = match view.is_perspective {
-            true => number(1.0) / dot(planes.normal, planes.origin),
-            false => number(-1.0) / planes.normal[2],
+            true => splat(simd, 1.0) / dot(planes.normal, planes.origin),
+            false => splat(simd, -1.0) / planes.normal[2],
         };
         for axis in 0..2 {
             let along = planes.normal[axis] * view.ray_scale[axis] * over;
             // Edge-on there is none.
             let is_finite = along.abs().simd_lt(1e30);
-            self.slope[axis].store(is_finite.select(along, number(0.0)));
+            self.slope[axis].store(is_finite.select(along, splat(simd, 0.0)));
         }
     }
 
@@ -262,55 +313,52 @@ impl PatchBatch {
     /// what is across ends as well.
     #[inline(always)]
     fn set_forms<S: Simd>(&mut self, simd: S, corners: &SeenCorners<S>) {
-        let number = |value: f32| Lanes::<S>::splat(simd, value);
         let places = &corners.places;
-        let mut area = number(0.0);
+        let mut area = splat(simd, 0.0);
         for i in 1..MOST_CORNERS - 1 {
-            let [a, b] =
-                [i, i + 1].map(|k| [0, 1].map(|axis: usize| places[k][axis] - places[0][axis]));
-            area = area + (a[0] * b[1] - a[1] * b[0]);
+            let (ax, ay) = (places[i][0] - places[0][0], places[i][1] - places[0][1]);
+            let (bx, by) = (
+                places[i + 1][0] - places[0][0],
+                places[i + 1][1] - places[0][1],
+            );
+            area = area + (ax * by - ay * bx);
         }
-        let size = [0, 1].map(|axis: usize| corners.high[axis] - corners.low[axis]);
-        let size_squared = size[0] * size[0] + size[1] * size[1];
+        let (width, height) = (
+            corners.high[0] - corners.low[0],
+            corners.high[1] - corners.low[1],
+        );
+        let size_squared = width * width + height * height;
         let has_area = area.abs().simd_gt(size_squared * 1e-6);
-        let sign = number(1.0).copysign(area);
+        let sign = splat(simd, 1.0).copysign(area);
         // Rounding turns what is far shorter than the longest side.
-        let least = has_area.select(size_squared * 1e-8, number(f32::INFINITY));
-        let (mut longest, mut along) = (number(0.0), [number(1.0), number(0.0)]);
+        let least = has_area.select(size_squared * 1e-8, splat(simd, f32::INFINITY));
+        let mut longest = splat(simd, 0.0);
+        let mut along = [splat(simd, 1.0), splat(simd, 0.0)];
         for i in 0..MOST_CORNERS {
-            let [from, to] = [places[i], places[(i + 1) % MOST_CORNERS]];
-            let edge = [to[0] - from[0], to[1] - from[1]];
-            let squared = edge[0] * edge[0] + edge[1] * edge[1];
-            let inverse = number(1.0) / squared.sqrt();
+            let (from, to) = (places[i], places[(i + 1) % MOST_CORNERS]);
+            let (x, y) = (to[0] - from[0], to[1] - from[1]);
+            let squared = x * x + y * y;
+            let inverse = splat(simd, 1.0) / squared.sqrt();
             let is_longer = squared.simd_gt(longest);
             longest = longest.max(squared);
-            along = [0, 1].map(|axis: usize| is_longer.select(edge[axis] * inverse, along[axis]));
+            along[0] = is_longer.select(x * inverse, along[0]);
+            along[1] = is_longer.select(y * inverse, along[1]);
             let is_side = squared.simd_gt(least);
-            let factor = is_side.select(inverse * sign, number(0.0));
-            let inward = [-edge[1] * factor, edge[0] * factor];
-            let off = -(inward[0] * from[0] + inward[1] * from[1]);
-            self.forms[i][0].store(inward[0]);
-            self.forms[i][1].store(inward[1]);
-            self.forms[i][2].store(is_side.select(off, number(f32::INFINITY)));
+            let factor = is_side.select(inverse * sign, splat(simd, 0.0));
+            let (inward_x, inward_y) = (-y * factor, x * factor);
+            let off = -(inward_x * from[0] + inward_y * from[1]);
+            let off = is_side.select(off, splat(simd, f32::INFINITY));
+            store_all(&mut self.forms[i], [inward_x, inward_y, off]);
         }
-        let ends = |along: [Lanes<S>; 2]| {
-            let (mut first, mut last) = (number(f32::INFINITY), number(f32::NEG_INFINITY));
-            for place in places {
-                let at = place[0] * along[0] + place[1] * along[1];
-                (first, last) = (first.min(at), last.max(at));
-            }
-            [[along[0], along[1], -first], [-along[0], -along[1], last]]
-        };
-        for (form, own) in self.forms[MOST_CORNERS..].iter_mut().zip(ends(along)) {
-            for (row, value) in form.iter_mut().zip(own) {
-                row.store(value);
-            }
-        }
+        let [first, last] = ends(simd, places, along);
+        store_all(&mut self.forms[MOST_CORNERS], first);
+        store_all(&mut self.forms[MOST_CORNERS + 1], last);
         if !has_area.all_true() {
-            let across = ends([-along[1], along[0]]);
-            for (form, own) in self.forms[..2].iter_mut().zip(across) {
-                for (row, value) in form.iter_mut().zip(own) {
-                    row.store(has_area.select(row.load(simd), value));
+            let across = ends(simd, places, [-along[1], along[0]]);
+            for form in 0..2 {
+                for part in 0..3 {
+                    let own = self.forms[form][part].load(simd);
+                    self.forms[form][part].store(has_area.select(own, across[form][part]));
                 }
             }
         }
@@ -327,18 +375,22 @@ impl PatchBatch {
     ) {
         let inverse = 1.0 / (view.model_scale * view.model_scale);
         for i in 0..2 {
-            let axis = planes.axes[i].map(|part| part * inverse);
+            let axis = scaled(planes.axes[i], inverse);
             let along = match view.is_perspective {
                 true => -dot(planes.origin, axis),
                 false => axis[2],
             };
-            self.feet[i][0].store(axis[0] * view.ray_scale.x);
-            self.feet[i][1].store(axis[1] * view.ray_scale.y);
-            self.feet[i][2].store(along);
-            let corner = |k: usize| records.word(simd, word_of!(corners) + 2 * k + i);
-            let (mut low, mut high) = (corner(0), corner(0));
+            let along_x = axis[0] * view.ray_scale.x;
+            store_all(
+                &mut self.feet[i],
+                [along_x, axis[1] * view.ray_scale.y, along],
+            );
+            let first = records.word(simd, word_of!(corners) + i);
+            let (mut low, mut high) = (first, first);
             for k in 1..MOST_CORNERS {
-                (low, high) = (low.min(corner(k)), high.max(corner(k)));
+                let corner = records.word(simd, word_of!(corners) + 2 * k + i);
+                low = low.min(corner);
+                high = high.max(corner);
             }
             self.extent[i][0].store(low);
             self.extent[i][1].store(high);
@@ -348,27 +400,23 @@ impl PatchBatch {
     /// Normals for light.
     #[inline(always)]
     fn set_normals<S: Simd>(&mut self, simd: S, view: &RasterView, records: &RecordRows) {
-        let number = |value: f32| Lanes::<S>::splat(simd, value);
         let middle = records.triple(simd, word_of!(shading_normal));
         let share = dot(middle, middle).sqrt();
+        let has_direction = share.simd_gt(0.0);
         self.share
-            .store(share.simd_gt(0.0).select(share, number(1.0)));
+            .store(has_direction.select(share, splat(simd, 1.0)));
         let first = records.triple(simd, word_of!(axis));
         let second = cross(records.triple(simd, word_of!(normal)), first);
         let [s0, s1, s2] = records.triple(simd, word_of!(shape_operator));
-        let along = |a: Lanes<S>, b: Lanes<S>| {
-            let one = |i: usize| first[i] * a + second[i] * b;
-            [one(0), one(1), one(2)]
-        };
-        for (rows, vector) in self
-            .normal
-            .iter_mut()
-            .zip([middle, along(s0, s1), along(s1, s2)])
-        {
-            for (row, value) in rows.iter_mut().zip(rotated(view, vector)) {
-                row.store(value);
-            }
-        }
+        store_all(&mut self.normal[0], rotated(view, middle));
+        store_all(
+            &mut self.normal[1],
+            rotated(view, sum(first, s0, second, s1)),
+        );
+        store_all(
+            &mut self.normal[2],
+            rotated(view, sum(first, s1, second, s2)),
+        );
     }
 
     /// Color of a lane.
@@ -390,7 +438,11 @@ impl<S: Simd> SeenPlanes<S> {
     #[inline(always)]
     fn new(simd: S, view: &RasterView, records: &RecordRows) -> Self {
         let center = rotated(view, records.triple(simd, word_of!(center)));
-        let origin = [0, 1, 2].map(|i: usize| center[i] + view.translation[i]);
+        let origin = [
+            center[0] + view.translation.x,
+            center[1] + view.translation.y,
+            center[2] + view.translation.z,
+        ];
         let first = records.triple(simd, word_of!(axis));
         let second = cross(records.triple(simd, word_of!(normal)), first);
         let axes = [rotated(view, first), rotated(view, second)];
@@ -405,7 +457,7 @@ impl<S: Simd> SeenPlanes<S> {
         };
         Self {
             origin,
-            normal: cross(axes[0], axes[1]).map(|part| part * inverse),
+            normal: scaled(cross(axes[0], axes[1]), inverse),
             axes,
             thickness: records.word(simd, word_of!(thickness)) * view.model_scale,
             ray,
@@ -416,37 +468,40 @@ impl<S: Simd> SeenPlanes<S> {
 impl<S: Simd> SeenCorners<S> {
     #[inline(always)]
     fn new(simd: S, view: &RasterView, records: &RecordRows, planes: &SeenPlanes<S>) -> Self {
-        let number = |value: f32| Lanes::<S>::splat(simd, value);
         let per_ray = [1.0 / view.ray_scale.x, 1.0 / view.ray_scale.y];
-        let [origin, ray] = [planes.origin, [planes.ray[0], planes.ray[1], number(0.0)]];
+        let (origin, ray) = (planes.origin, planes.ray);
+        let zero = splat(simd, 0.0);
+        let (far, behind) = (splat(simd, f32::INFINITY), splat(simd, f32::NEG_INFINITY));
         let mut seen = Self {
-            places: [[number(0.0); 2]; MOST_CORNERS],
-            low: [number(f32::INFINITY); 2],
-            high: [number(f32::NEG_INFINITY); 2],
-            nearest: number(f32::INFINITY),
-            farthest: number(f32::NEG_INFINITY),
-            distance_squared: number(0.0),
-            ray_squared: number(0.0),
+            places: [[zero; 2]; MOST_CORNERS],
+            low: [far; 2],
+            high: [behind; 2],
+            nearest: far,
+            farthest: behind,
+            distance_squared: zero,
+            ray_squared: zero,
         };
         for k in 0..MOST_CORNERS {
-            let [u, v] = [0, 1].map(|i: usize| records.word(simd, word_of!(corners) + 2 * k + i));
-            let way = [0, 1, 2].map(|i: usize| planes.axes[0][i] * u + planes.axes[1][i] * v);
+            let u = records.word(simd, word_of!(corners) + 2 * k);
+            let v = records.word(simd, word_of!(corners) + 2 * k + 1);
+            let way = sum(planes.axes[0], u, planes.axes[1], v);
             let distance = -(origin[2] + way[2]);
             seen.nearest = seen.nearest.min(distance);
             seen.farthest = seen.farthest.max(distance);
             // On the picture from the middle, without the rounding of positions.
-            let moved = if view.is_perspective {
-                let over = number(1.0) / distance.max(number(view.near));
-                let moved = [0, 1].map(|i: usize| (way[i] + ray[i] * way[2]) * over);
-                let [x, y] = [0, 1].map(|i: usize| ray[i] + moved[i]);
+            let mut moved = [way[0], way[1]];
+            if view.is_perspective {
+                let over = splat(simd, 1.0) / distance.max(splat(simd, view.near));
+                moved = [
+                    (way[0] + ray[0] * way[2]) * over,
+                    (way[1] + ray[1] * way[2]) * over,
+                ];
+                let (x, y) = (ray[0] + moved[0], ray[1] + moved[1]);
                 let squared = x * x + y * y;
                 seen.ray_squared = seen.ray_squared.max(squared);
                 let distance_squared = distance * distance * (squared + 1.0);
                 seen.distance_squared = seen.distance_squared.max(distance_squared);
-                moved
-            } else {
-                [way[0], way[1]]
-            };
+            }
             for axis in 0..2 {
                 let place = moved[axis] * per_ray[axis];
                 seen.places[k][axis] = place;
@@ -466,17 +521,16 @@ fn margin_px<S: Simd>(
     planes: &SeenPlanes<S>,
     corners: &SeenCorners<S>,
 ) -> Lanes<S> {
-    let number = |value: f32| Lanes::<S>::splat(simd, value);
-    let (zero, thickness) = (number(0.0), planes.thickness);
+    let (zero, one, thickness) = (splat(simd, 0.0), splat(simd, 1.0), planes.thickness);
     let margin_px = if view.is_perspective {
         let off = dot(planes.normal, planes.origin);
-        let sine_squared = number(1.0) - off * off / corners.distance_squared;
-        let longer = (corners.ray_squared + 1.0).min(number(100.0));
-        let nearest = (corners.nearest - thickness).max(number(view.near));
+        let sine_squared = one - off * off / corners.distance_squared;
+        let longer = (corners.ray_squared + 1.0).min(splat(simd, 100.0));
+        let nearest = (corners.nearest - thickness).max(splat(simd, view.near));
         thickness * view.focal_px * (sine_squared.max(zero) * longer).sqrt() / nearest
     } else {
         let along = planes.normal[2];
-        thickness * view.focal_px * (number(1.0) - along * along).max(zero).sqrt()
+        thickness * view.focal_px * (one - along * along).max(zero).sqrt()
     };
     margin_px + ROUNDING_PX
 }

@@ -201,6 +201,7 @@ fn numbers_are_those_of_what_is_seen() {
     let mut depths = vec![0.0; 64 * 64];
     raster.draw_numbers(&lists, &view, &mut depths, [0, 0, 64, 64]);
     let mut seen = std::collections::BTreeSet::new();
+    let (mut far, mut covered) = (0, 0);
     for y in 0..64 {
         for x in 0..64 {
             let depth = depths[(y * 64 + x) as usize];
@@ -208,13 +209,16 @@ fn numbers_are_those_of_what_is_seen() {
             assert_eq!(found.is_some(), depth > 0.0);
             let Some(pixel) = found else { continue };
             seen.insert(pixel.number);
-            // What the foot shows lies in the pixel, but for the margin.
+            // What the foot shows lies in the pixel, but at rims: in the margin, and nearly edge-on.
             let point = drawn[pixel.number as usize].point(pixel.uv);
             let (at_x, at_y, _) = view.project(point);
             let off = (at_x - x as f32 - 0.5).hypot(at_y - y as f32 - 0.5);
-            assert!(off < 1.5, "{off} pixels at {x}, {y}");
+            covered += 1;
+            far += usize::from(off > 0.5);
+            assert!(off < 4.0, "{off} pixels at {x}, {y}");
         }
     }
+    assert!(far * 20 < covered, "{far} of {covered}");
     assert!(seen.len() > 100 && seen.last().is_some_and(|n| *n as usize >= first.len()));
 }
 
