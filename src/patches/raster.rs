@@ -342,7 +342,7 @@ fn draw_band<S: fearless_simd::Simd>(
                 let patch = BatchLane {
                     batch: &batch,
                     lane,
-                    sides: polygon(place).footprint().len(),
+                    sides: polygon(place).footprint().len().max(1),
                     number: part.number + place,
                 };
                 target.draw(simd, view, patch, ink);

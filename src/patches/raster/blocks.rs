@@ -50,7 +50,7 @@ pub(super) enum BlockInk {
 pub(super) struct BatchLane<'a> {
     pub(super) batch: &'a PatchBatch,
     pub(super) lane: usize,
-    /// Sides that it has.
+    /// Sides that it has, at least 3.
     pub(super) sides: usize,
     /// Its number in the list.
     pub(super) number: u32,
@@ -121,8 +121,11 @@ impl RasterBand<'_> {
         let x = x - batch.middle[0].0[lane];
         let y = y - batch.middle[1].0[lane];
         let first_end = linear(simd, &batch.forms[FORMS - 2], lane, [x, y]);
-        let mut inside_px = first_end.min(linear(simd, &batch.forms[FORMS - 1], lane, [x, y]));
-        for form in &batch.forms[..sides] {
+        let inside_px = first_end.min(linear(simd, &batch.forms[FORMS - 1], lane, [x, y]));
+        // The last side leads from the corner that is repeated to the first.
+        let last_side = linear(simd, &batch.forms[FORMS - 3], lane, [x, y]);
+        let mut inside_px = inside_px.min(last_side);
+        for form in &batch.forms[..sides - 1] {
             inside_px = inside_px.min(linear(simd, form, lane, [x, y]));
         }
         let covered = there & inside_px.simd_ge(-batch.margin_px.0[lane]);
