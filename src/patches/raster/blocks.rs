@@ -247,7 +247,7 @@ fn byte<S: Simd>(
     let mut value = lambert * light.albedo[part];
     if light.has_colors {
         let own = along(simd, &patch.batch.color, (part, patch.lane), at);
-        value = value * own.max(0.0).min(1.0);
+        value *= own.max(0.0).min(1.0);
     }
     (value.min(1.0) * 255.0).round_ties_even().to_int()
 }

@@ -321,7 +321,7 @@ impl PatchBatch {
                 places[i + 1][0] - places[0][0],
                 places[i + 1][1] - places[0][1],
             );
-            area = area + (ax * by - ay * bx);
+            area += ax * by - ay * bx;
         }
         let (width, height) = (
             corners.high[0] - corners.low[0],
@@ -355,10 +355,10 @@ impl PatchBatch {
         store_all(&mut self.forms[MOST_CORNERS + 1], last);
         if !has_area.all_true() {
             let across = ends(simd, places, [-along[1], along[0]]);
-            for form in 0..2 {
-                for part in 0..3 {
-                    let own = self.forms[form][part].load(simd);
-                    self.forms[form][part].store(has_area.select(own, across[form][part]));
+            for (form, across) in self.forms.iter_mut().zip(across) {
+                for (row, value) in form.iter_mut().zip(across) {
+                    let own = row.load(simd);
+                    row.store(has_area.select(own, value));
                 }
             }
         }
