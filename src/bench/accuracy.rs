@@ -1,4 +1,4 @@
-//! Time against error: the default method and filtered splats, beside rays and simplified meshes at equal footing.
+//! Time against error: the default method, filtered splats and patches, beside rays and simplified meshes at equal footing.
 //!
 //! The reference is triangles, 16 samples a pixel (in a quick run rays, where they are built in: the same surface, and the
 //! same picture but for single pixels on edges). Everything is drawn in turn from the same views.
@@ -23,6 +23,8 @@ use std::time::Instant;
 const PART: &str = "accuracy";
 const RAYS: &str = "rays, one a pixel";
 const CHAIN: &str = "simplified meshes, 1 px";
+const DEFAULT: &str = "default";
+const PATCHES: &str = "patches";
 
 /// One way to draw, measured.
 #[derive(Debug, Default)]
@@ -94,9 +96,9 @@ pub fn figures(
         }
     }
     let mut engine = session.engine(model, SIZE)?;
-    let [default, filtered] = plan.accurate_lines();
+    let [default, filtered, patches] = plan.accurate_lines();
     let mut lines = vec![cases::triangles()];
-    lines.extend(default.iter().chain(&filtered).cloned());
+    lines.extend(default.iter().chain(&filtered).chain(&patches).cloned());
     let frames = u64::from(plan.grid * plan.grid) + plan.rounds as u64;
     let all = plan.fills.len() as u64 * u64::from(plan.error_views) * frames;
     progress.stage(&format!("errors of {}", case.name), all);
@@ -116,9 +118,12 @@ pub fn figures(
             |f: &&FoundThreshold, lines: &[BenchLine]| lines.iter().any(|l| l.name == f.name);
         let default: Vec<&FoundThreshold> = found.iter().filter(|f| is_of(f, &default)).collect();
         let filtered: Vec<&FoundThreshold> = found.iter().filter(|f| is_of(f, &filtered)).collect();
+        let patches: Vec<&FoundThreshold> = found.iter().filter(|f| is_of(f, &patches)).collect();
         for rival in [RAYS, CHAIN] {
             let other = found.iter().find(|f| f.name == rival);
-            figures.push(beside(case, &place, &default, other, rival));
+            for own in [(DEFAULT, &default[..]), (PATCHES, &patches[..])] {
+                figures.push(beside(case, &place, own, other, rival));
+            }
         }
         if let Some((db, target)) = case.filtered_target(fill) {
             let offers: Vec<ThresholdOffer> = filtered.iter().map(|f| f.offer()).collect();
@@ -244,18 +249,18 @@ fn describe(place: &BenchPlace, found: &[FoundThreshold], figures: &mut Vec<Benc
     }
 }
 
-/// How much faster the default method is than a rival, with a threshold at which it is as close to the reference.
+/// How much faster a way to draw is than a rival, with a threshold or tolerances at which it is as close to the reference.
 fn beside(
     case: &BenchCase<'_>,
     place: &BenchPlace,
-    default: &[&FoundThreshold],
+    (line, own): (&str, &[&FoundThreshold]),
     rival: Option<&FoundThreshold>,
     name: &str,
 ) -> BenchFigure {
     let is_rays = name == RAYS;
     // From a million triangles up the default method has to be ahead of rays.
-    let target =
-        (is_rays && case.model.triangles.len() >= 1_000_000).then_some(BenchTarget::AtLeast(1.0));
+    let has_target = is_rays && line == DEFAULT && case.model.triangles.len() >= 1_000_000;
+    let target = has_target.then_some(BenchTarget::AtLeast(1.0));
     let figure_name = format!("times faster than {name} at equal FLIP");
     let Some(rival) = rival else {
         let why = if rivals::ARE_BUILT_IN {
@@ -263,9 +268,9 @@ fn beside(
         } else {
             "this build is without the feature rivals"
         };
-        return BenchFigure::absent(PART, place, "default", &figure_name, "x", why).target(target);
+        return BenchFigure::absent(PART, place, line, &figure_name, "x", why).target(target);
     };
-    let offers: Vec<ThresholdOffer> = default.iter().map(|f| f.offer()).collect();
+    let offers: Vec<ThresholdOffer> = own.iter().map(|f| f.offer()).collect();
     let against = rival.offer();
     let Some(best) = at_equal_flip(&offers, &against) else {
         let nearest = most_accurate(&offers).map_or_else(String::new, |o| {
@@ -275,15 +280,15 @@ fn beside(
             )
         });
         let note = format!(
-            "no threshold comes to its mean FLIP of {:.5} in {:.1} ms{nearest}",
+            "nothing of it comes to its mean FLIP of {:.5} in {:.1} ms{nearest}",
             against.flip, against.frame_ms
         );
-        return BenchFigure::new(PART, place, "default", &figure_name, 0.0, "x")
+        return BenchFigure::new(PART, place, line, &figure_name, 0.0, "x")
             .target(target)
             .note(note);
     };
     let times = against.frame_ms / best.frame_ms;
-    let cause = default
+    let cause = own
         .iter()
         .find(|f| f.name == best.name)
         .map_or_else(String::new, |f| f.cause());
@@ -302,7 +307,7 @@ fn beside(
             note += &format!(", there {}", rival.cause());
         }
     }
-    BenchFigure::new(PART, place, "default", &figure_name, times, "x")
+    BenchFigure::new(PART, place, line, &figure_name, times, "x")
         .target(target)
         .note(note)
 }
@@ -358,7 +363,7 @@ mod tests {
         let default = [&fine, &coarse];
         let beside = |ms, flip, name| {
             let rival = found(name, ms, flip, 26.0);
-            super::beside(&case, &place, &default, Some(&rival), name)
+            super::beside(&case, &place, (DEFAULT, &default), Some(&rival), name)
         };
         let ahead = beside(40.0, 0.01, RAYS);
         assert_eq!(ahead.value, 2.0);
@@ -381,7 +386,7 @@ mod tests {
         );
         // No target: the model is small.
         assert_eq!(ahead.verdict(), BenchVerdict::None);
-        let none = super::beside(&case, &place, &default, None, RAYS);
+        let none = super::beside(&case, &place, (DEFAULT, &default), None, RAYS);
         assert_eq!(none.verdict(), BenchVerdict::Absent);
     }
 

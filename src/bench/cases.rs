@@ -4,7 +4,7 @@ use super::report::BenchPlace;
 use super::verdict::BenchTarget;
 use crate::chart::run::orbit;
 use crate::math::camera::{Camera, View};
-use crate::patches::PatchRules;
+use crate::patches::{ErrorTolerances, PatchRules};
 use crate::render::{CutOn, ListOf, Method, Path, Settings, SplatKind};
 use crate::tree::{Model, OrbitSphere};
 use glam::DVec3;
@@ -185,6 +185,27 @@ pub fn patches(path: Path) -> BenchLine {
     }
 }
 
+/// The same with tolerances of their own, by the path that `auto` takes.
+pub fn patches_within(tolerances: ErrorTolerances) -> BenchLine {
+    let ErrorTolerances {
+        rim_px,
+        inside_px,
+        shade_levels,
+    } = tolerances;
+    let rules = PatchRules {
+        tolerances,
+        ..PatchRules::default()
+    };
+    BenchLine {
+        name: format!("patches, {rim_px},{inside_px},{shade_levels}"),
+        settings: Settings {
+            patches: Some(rules),
+            ..Settings::default()
+        },
+        is_rare: false,
+    }
+}
+
 /// `pop` with squares whose cut the device chooses and the rasterizer draws.
 pub fn cut_on_device(threshold_px: f32) -> BenchLine {
     BenchLine {
@@ -211,6 +232,22 @@ pub fn lists(threshold_px: f32) -> [BenchLine; 2] {
         },
         is_rare: true,
     })
+}
+
+/// Tolerances of patches whose errors are measured: the usual ones, finer and coarser.
+const ERRORS: [ErrorTolerances; 4] = [
+    tolerances(0.15, 0.25, 24.0),
+    tolerances(0.1, 0.15, 8.0),
+    tolerances(0.25, 0.5, 24.0),
+    tolerances(0.5, 1.0, 48.0),
+];
+
+const fn tolerances(rim_px: f32, inside_px: f32, shade_levels: f32) -> ErrorTolerances {
+    ErrorTolerances {
+        rim_px,
+        inside_px,
+        shade_levels,
+    }
 }
 
 /// How much is measured.
@@ -299,13 +336,14 @@ impl Plan {
         lines
     }
 
-    /// The ways whose errors are measured: the default method, and filtered splats.
-    pub fn accurate_lines(&self) -> [Vec<BenchLine>; 2] {
+    /// The ways whose errors are measured: the default method, filtered splats, and patches.
+    pub fn accurate_lines(&self) -> [Vec<BenchLine>; 3] {
         let [of_default, of_filtered] = &self.accurate;
         let filtered = |t: &f32| pop(SplatKind::Filtered, Path::Auto, *t);
         [
             of_default.iter().map(|t| default(*t)).collect(),
             of_filtered.iter().map(filtered).collect(),
+            ERRORS.map(patches_within).to_vec(),
         ]
     }
 }
@@ -376,8 +414,10 @@ mod tests {
             names.dedup();
             assert_eq!(names.len(), count);
             assert_eq!(plan.sizes[0], SIZE);
-            let [default, filtered] = plan.accurate_lines();
-            assert!(default.len() >= 4 && filtered.len() >= 3);
+            let [default, filtered, patches] = plan.accurate_lines();
+            assert!(default.len() >= 4 && filtered.len() >= 3 && patches.len() >= 3);
+            let usual = patches[0].settings.patches.unwrap_or_default();
+            assert_eq!(usual, PatchRules::default());
             assert!(
                 filtered[0].name.starts_with("pop filtered, 1 px"),
                 "{}",

@@ -82,7 +82,8 @@ impl NodePatch {
         let scale = self.sigma / m.length().max(f32::MIN_POSITIVE);
         OrientedPolygon {
             center: self.origin,
-            round_radius: f32::INFINITY,
+            // All of the rectangle, and a little for rounding: nothing is cut off, and how far it reaches is known.
+            round_radius: self.half_extents.length() * 1.0001,
             normal: self.normal,
             thickness: self.thickness,
             axis: self.axis,

@@ -24,7 +24,7 @@ pub use conditions::PatchConditions;
 pub use cut::{PatchCut, PatchRefusals, PatchSelector, select};
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
 pub use packed::{PackedPatch, PackedPatchColors};
-pub use raster::{PatchPixel, PatchRaster};
+pub use raster::{PatchLight, PatchList, PatchPixel, PatchRaster, PatchTarget};
 pub use record::{MOST_CORNERS, NodePatch, RESIDUAL_LEVELS};
 pub use resident::ResidentPatches;
 pub use settings::{ErrorTolerances, PatchCutSettings, PatchRules};

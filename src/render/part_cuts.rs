@@ -3,7 +3,7 @@
 use crate::abi::OrientedPolygon;
 use crate::cut::{Cut, CutSelector, CutStats};
 use crate::pack::{falsecolor, splats};
-use crate::patches::{PatchCut, PatchRules, PatchSelector};
+use crate::patches::{PatchCut, PatchList, PatchRules, PatchSelector};
 use crate::render::cut_key::CutKey;
 use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::settings::PolygonSource;
@@ -117,6 +117,17 @@ impl PartCuts {
     /// Whether these are patches.
     pub(crate) fn has_patches(&self) -> bool {
         matches!(self.polygons, Some(PolygonSource::Patches(_)))
+    }
+
+    /// The patches of all parts, where their records are kept; none where there are no patches.
+    pub(crate) fn patch_lists<'a>(&'a self, parts: DrawnParts<'a>) -> Vec<PatchList<'a>> {
+        let own = parts.iter().zip(&self.patches);
+        own.filter(|_| self.has_patches())
+            .map(|(part, cut)| PatchList {
+                polygons: part.facts.patches(part.model).polygons(),
+                ids: &cut.patches,
+            })
+            .collect()
     }
 
     /// Writes the oriented polygons of all parts, of which there are as many as `out` has room for; in the colors of their

@@ -4,12 +4,13 @@
 
 use crate::abi::constants::{
     FLAG_COLOR_BY_DEPTH, FLAG_COLOR_BY_LEVEL, FLAG_COLOR_BY_NORMAL, FLAG_COLOR_BY_PRIMITIVE,
-    FLAG_CULLS_BACK, FLAG_LIT_SPHERE, FLAG_ORTHOGRAPHIC, FLAG_PHONG, FLAG_TWO_SIDED,
-    FLAG_USE_COLORS, FULL_HIGHLIGHT, LEAST_BACK,
+    FLAG_CULLS_BACK, FLAG_LIT_SPHERE, FLAG_ORTHOGRAPHIC, FLAG_PARALLEL_LIGHT, FLAG_PHONG,
+    FLAG_TWO_SIDED, FLAG_USE_COLORS, FULL_HIGHLIGHT, LEAST_BACK,
 };
 use crate::abi::{FrameConstants, OrientedPolygon, Splat};
 use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::{ALBEDO, falsecolor};
+use crate::patches::PatchLight;
 use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 
 /// What splats are tinted with when coloring by primitive.
@@ -102,6 +103,16 @@ impl FrameShading {
     /// Whether the headlight decides alone: the frame has no lamp and shows no data.
     pub(super) fn has_headlight(&self) -> bool {
         !self.has(OTHERS)
+    }
+
+    /// The headlight alone, for patches.
+    pub(super) fn patch_light(&self) -> PatchLight {
+        PatchLight {
+            is_parallel: self.has(FLAG_PARALLEL_LIGHT),
+            is_two_sided: self.has(FLAG_TWO_SIDED),
+            has_colors: self.has(FLAG_USE_COLORS) && !self.has(FLAG_COLOR_BY_PRIMITIVE),
+            albedo: self.albedo(Vec3::ONE, PATCH_TINT).to_array(),
+        }
     }
 
     /// A splat, which has one color.

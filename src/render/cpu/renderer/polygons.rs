@@ -4,7 +4,7 @@ use crate::abi::OrientedPolygon;
 use crate::pack::ColorBy;
 use crate::pack::parallel;
 use crate::pack::polygons::ScreenPolygon;
-use crate::patches::PatchRaster;
+use crate::patches::{PatchRaster, PatchTarget};
 use crate::render::Method;
 use crate::render::cpu::float_planes::word_of;
 use crate::render::cpu::frame_shading::{FrameShading, PATCH_TINT, SPLAT_TINT, ShadedPoint};
@@ -69,62 +69,123 @@ impl CpuRenderer {
         } else {
             self.draw_opaque(frame, light, pixels)
         };
-        let is_by_level = frame.settings.color_by == ColorBy::Level;
+        if self.cuts.has_patches() {
+            return self.draw_patches(frame, counts, pixels);
+        }
         let polygons = &mut self.polygons;
-        self.cuts.put_polygons(frame.drawn, is_by_level, polygons);
+        self.cuts.put_polygons(frame.drawn, false, polygons);
         let polygons = &*polygons;
-        let are_patches = self.cuts.has_patches();
-        if are_patches {
-            self.patch_raster.draw(polygons, frame.view);
-        }
-        let [left, top, right, bottom] = frame.context.rect_px.map(|edge| edge as usize);
-        let width = right.saturating_sub(left);
-        if width > 0 && bottom > top {
-            let pitch = pixels.pitch;
-            let words = pixels.from(frame.context.rect_px);
-            let length = ((bottom - top - 1) * pitch + width).min(words.len());
-            let planes = self.planes.planes();
-            let mut values = planes.values.chunks_mut(BAND_PX * width);
-            let mut normals = planes.normals.chunks_mut(BAND_PX * width);
-            let depths = self.depths[..width * (bottom - top)].chunks_mut(BAND_PX * width);
-            let bands: Vec<PolygonBand<'_>> = (words[..length].chunks_mut(BAND_PX * pitch))
-                .zip(depths)
-                .enumerate()
-                .map(|(number, (colors, depths))| PolygonBand {
-                    top: top + number * BAND_PX,
-                    colors,
-                    depths,
-                    values: values.next().unwrap_or_default(),
-                    normals: normals.next().unwrap_or_default(),
-                })
-                .collect();
-            let shading = FrameShading::new(frame.constants);
-            let clip = frame.constants.clip_from_view;
-            let depth_of = |distance: f32| {
-                let last = clip[3][3] - clip[2][3] * distance;
-                (clip[3][2] - clip[2][2] * distance) / last
-            };
-            let seen = match are_patches {
-                true => Vec::new(),
-                false => seen_polygons(polygons, frame),
-            };
-            let raster = &self.patch_raster;
-            parallel::share(width * (bottom - top), bands.into_iter(), |mut band| {
-                if are_patches {
-                    let patches = (raster, &polygons[..]);
-                    band.show(patches, [left, width, pitch], &shading, depth_of);
-                }
-                for one in &seen {
-                    band.draw(one, [left, width, pitch], &shading, depth_of);
-                }
-            });
-        }
+        let columns = columns_of(frame, pixels.pitch);
+        let planes = self.planes.planes();
+        let bands = bands_of(frame, pixels, &mut self.depths, planes);
+        let shading = FrameShading::new(frame.constants);
+        let clip = frame.constants.clip_from_view;
+        let depth_of = |distance: f32| {
+            let last = clip[3][3] - clip[2][3] * distance;
+            (clip[3][2] - clip[2][2] * distance) / last
+        };
+        let seen = seen_polygons(polygons, frame);
+        let area = pixels_of(frame.context.rect_px);
+        parallel::share(area, bands.into_iter(), |mut band| {
+            for one in &seen {
+                band.draw(one, columns, &shading, depth_of);
+            }
+        });
         DrawnCounts {
             splats: counts.splats + polygons.len(),
             list_bytes: counts.list_bytes + size_of_val(&polygons[..]) as u64,
             ..counts
         }
     }
+}
+
+impl CpuRenderer {
+    /// Patches, in a picture that holds all else: by vectors in the headlight, else pixel by pixel once it is known which is
+    /// seen.
+    fn draw_patches(
+        &mut self,
+        frame: &CpuFrame<'_>,
+        counts: DrawnCounts,
+        pixels: &mut PixelWords<'_>,
+    ) -> DrawnCounts {
+        let lists = self.cuts.patch_lists(frame.drawn);
+        let count: usize = lists.iter().map(|list| list.ids.len()).sum();
+        let rect_px = frame.context.rect_px;
+        let depths = &mut self.depths[..pixels_of(rect_px)];
+        let shading = FrameShading::new(frame.constants);
+        let outputs = self.planes.outputs();
+        let mut list_bytes = size_of::<u32>() * count;
+        if shading.has_headlight() && !outputs.values && !outputs.normal {
+            let target = PatchTarget {
+                pitch: pixels.pitch,
+                colors: pixels.from(rect_px),
+                depths,
+                rect_px,
+            };
+            let light = shading.patch_light();
+            self.patch_raster.draw(&lists, frame.view, &light, target);
+        } else {
+            let raster = &mut self.patch_raster;
+            raster.draw_numbers(&lists, frame.view, depths, rect_px);
+            let is_by_level = frame.settings.color_by == ColorBy::Level;
+            let polygons = &mut self.polygons;
+            self.cuts.put_polygons(frame.drawn, is_by_level, polygons);
+            list_bytes += size_of_val(&polygons[..]);
+            let (raster, polygons) = (&*raster, &*polygons);
+            let columns = columns_of(frame, pixels.pitch);
+            let planes = self.planes.planes();
+            let bands = bands_of(frame, pixels, depths, planes);
+            parallel::share(pixels_of(rect_px), bands.into_iter(), |mut band| {
+                band.show((raster, polygons), columns, &shading);
+            });
+        }
+        DrawnCounts {
+            splats: counts.splats + count,
+            list_bytes: counts.list_bytes + list_bytes as u64,
+            ..counts
+        }
+    }
+}
+
+fn pixels_of([left, top, right, bottom]: [u32; 4]) -> usize {
+    right.saturating_sub(left) as usize * bottom.saturating_sub(top) as usize
+}
+
+/// The first column, how many there are, and words from a row to the next.
+fn columns_of(frame: &CpuFrame<'_>, pitch: usize) -> [usize; 3] {
+    let [left, _, right, _] = frame.context.rect_px.map(|edge| edge as usize);
+    [left, right.saturating_sub(left), pitch]
+}
+
+/// Bands of the rectangle that is drawn in.
+fn bands_of<'a>(
+    frame: &CpuFrame<'_>,
+    pixels: &'a mut PixelWords<'_>,
+    depths: &'a mut [f32],
+    planes: opaque::SurfacePlanes<'a>,
+) -> Vec<PolygonBand<'a>> {
+    let rect_px = frame.context.rect_px;
+    let [left, top, right, bottom] = rect_px.map(|edge| edge as usize);
+    if right <= left || bottom <= top {
+        return Vec::new();
+    }
+    let (width, pitch) = (right - left, pixels.pitch);
+    let words = pixels.from(rect_px);
+    let length = ((bottom - top - 1) * pitch + width).min(words.len());
+    let mut values = planes.values.chunks_mut(BAND_PX * width);
+    let mut normals = planes.normals.chunks_mut(BAND_PX * width);
+    let depths = depths[..width * (bottom - top)].chunks_mut(BAND_PX * width);
+    (words[..length].chunks_mut(BAND_PX * pitch))
+        .zip(depths)
+        .enumerate()
+        .map(|(number, (colors, depths))| PolygonBand {
+            top: top + number * BAND_PX,
+            colors,
+            depths,
+            values: values.next().unwrap_or_default(),
+            normals: normals.next().unwrap_or_default(),
+        })
+        .collect()
 }
 
 /// Polygons that the frame sees, in their order.
@@ -183,25 +244,20 @@ impl PolygonBand<'_> {
         }
     }
 
-    /// Shows the patches of a picture where they are nearest.
+    /// Shows the patches that are nearest, whose depths are there.
     fn show(
         &mut self,
         (raster, patches): (&PatchRaster, &[OrientedPolygon]),
         [left, width, pitch]: [usize; 3],
         shading: &FrameShading,
-        depth_of: impl Fn(f32) -> f32,
     ) {
-        for row in 0..self.depths.len() / width {
-            let found = raster.row(patches, (self.top + row) as u32, left as u32);
-            for (column, pixel) in found.take(width).enumerate() {
-                let Some(pixel) = pixel else { continue };
-                // Nothing that is widened is out of the view.
-                let depth = depth_of(pixel.distance).clamp(f32::MIN_POSITIVE, 1.0);
-                if self.wins(row * width + column, depth) {
-                    let patch = &patches[pixel.id as usize];
-                    let point = shading.of_polygon(patch, pixel.uv, PATCH_TINT);
-                    self.put([row * width, row * pitch].map(|from| from + column), point);
-                }
+        for here in 0..self.depths.len() {
+            let (row, column) = (here / width, here % width);
+            let pixel = [left + column, self.top + row].map(|at| at as u32);
+            if let Some(found) = raster.pixel(patches, pixel, self.depths[here]) {
+                let patch = &patches[found.number as usize];
+                let point = shading.of_polygon(patch, found.uv, PATCH_TINT);
+                self.put([here, row * pitch + column], point);
             }
         }
     }
