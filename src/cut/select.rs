@@ -15,6 +15,7 @@ use crate::cut::batch::{NodeBatch, SiblingGroup};
 use crate::cut::coherent::{CoherentFront, children_of};
 use crate::cut::frustum_and_size::NodeTester;
 use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};
+use crate::cut::occlusion::shared::{PartMarks, PartTests, SharedDepth};
 use crate::cut::occlusion::{DepthMarks, OcclusionTest, SUBPIXEL_BITS, SoftwareDepthBuffer};
 use crate::cut::{Cut, CutSettings};
 use crate::math::camera::View;
@@ -46,6 +47,8 @@ struct NodeFront {
 pub(super) struct NodeTests<'a> {
     pub(super) tester: &'a NodeTester,
     pub(super) hiding: Option<&'a OcclusionTest<'a>>,
+    /// Others are cut before it is known what is hidden: marks are kept for then, and one thread cuts it.
+    pub(super) is_part: bool,
 }
 
 impl NodeFront {
@@ -53,7 +56,7 @@ impl NodeFront {
     fn descend(
         &mut self,
         model: &Model,
-        NodeTests { tester, hiding }: NodeTests<'_>,
+        NodeTests { tester, hiding, .. }: NodeTests<'_>,
         batch: &mut NodeBatch,
         (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
@@ -75,7 +78,7 @@ impl NodeFront {
     fn finish(
         &self,
         model: &Model,
-        NodeTests { tester, hiding }: NodeTests<'_>,
+        NodeTests { tester, hiding, .. }: NodeTests<'_>,
         batch: &mut NodeBatch,
         (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
@@ -276,6 +279,7 @@ impl CutSelector {
         let tests = NodeTests {
             tester,
             hiding: None,
+            is_part: false,
         };
         self.run(model, tests, cut);
     }
@@ -318,9 +322,30 @@ impl CutSelector {
         let tests = NodeTests {
             tester,
             hiding: Some(hiding),
+            is_part: false,
         };
         self.run(model, tests, cut);
         self.nearest = nearest;
+    }
+
+    /// As [`select_seen`](Self::select_seen), of one of several parts that hide each other: what is hidden by what was found
+    /// so far is left out, and the rest leaves marks, for [`SharedDepth::finish`] once all are cut.
+    pub fn select_part(
+        &mut self,
+        model: &Model,
+        tests: &PartTests<'_>,
+        (depth, undrawn): (&SharedDepth, &ZeroAreaSet),
+        (cut, marks): (&mut Cut, &mut PartMarks),
+    ) {
+        let tester = &depth.tester(model, tests);
+        let hiding = &depth.questions(tester, tests, (undrawn, self.subpixel_bits));
+        let tests = NodeTests {
+            tester,
+            hiding: Some(hiding),
+            is_part: true,
+        };
+        self.run(model, tests, cut);
+        std::mem::swap(&mut self.marks, &mut marks.0);
     }
 
     fn run(&mut self, model: &Model, tests: NodeTests<'_>, cut: &mut Cut) {
@@ -367,7 +392,7 @@ impl CutSelector {
         self.front.join(starts_of(0));
         let mut level = 0;
         let is_ordered = tests.hiding.is_some_and(OcclusionTest::drops_nodes);
-        let is_divided = self.threads > 1 || is_ordered;
+        let is_divided = (self.threads > 1 || is_ordered) && !tests.is_part;
         while level < levels && !(is_divided && self.front.groups.len() >= self.large) {
             let found = (&mut *cut, &mut self.marks);
             self.front.descend(model, tests, batch, found);
@@ -381,7 +406,7 @@ impl CutSelector {
         }
         let found = (&mut *cut, &mut self.marks);
         self.front.finish(model, tests, batch, found);
-        if let Some(hiding) = tests.hiding {
+        if let Some(hiding) = tests.hiding.filter(|_| !tests.is_part) {
             hiding.finish(cut, &self.marks, &mut []);
         }
     }

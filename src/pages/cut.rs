@@ -6,7 +6,10 @@
 
 use super::format::PageEntry;
 use super::page::DecodedPage;
-use crate::cut::{Cut, CutSelector, CutSettings, CutStats, FacingTest, NodeTester};
+use crate::cut::{
+    Cut, CutSelector, CutSettings, CutStats, FacingTest, NodeTester, PartMarks, PartTests,
+    SharedDepth, SplatFootprints, WholeSphere,
+};
 use crate::math::camera::View;
 use crate::threads;
 use std::sync::Arc;
@@ -50,8 +53,21 @@ pub struct PagedCut {
     pub stats: CutStats,
 }
 
-/// Chooses the cut of one page's model: told a selector, the page's number, the page, and where the cut goes.
-pub type PageChoice<'a> = dyn Fn(&mut CutSelector, u32, &DecodedPage, &mut Cut) + Sync + 'a;
+/// Chooses the cut of one page's model: told a selector, the page's number, the page, where the cut goes, and where pages hide
+/// each other what is needed for that.
+pub type PageChoice<'a> =
+    dyn Fn(&mut CutSelector, u32, &DecodedPage, &mut Cut, Option<PageHiding<'_>>) + Sync + 'a;
+
+/// What a page is told of the others where they hide each other.
+#[derive(Debug)]
+pub struct PageHiding<'a> {
+    /// The depths that all share.
+    pub depth: &'a SharedDepth,
+    /// How all are cut.
+    pub tests: &'a PartTests<'a>,
+    /// Where it is noted what was asked.
+    pub marks: &'a mut PartMarks,
+}
 
 /// How the cut of a frame is chosen.
 #[derive(Clone, Copy)]
@@ -62,12 +78,16 @@ pub struct PageTests<'a> {
     pub settings: &'a CutSettings,
     /// Chooses what is drawn of a page, by these settings.
     pub choose: &'a PageChoice<'a>,
+    /// What splats are drawn as where leaf pages hide each other, and a sphere around all pages.
+    pub hides: Option<(SplatFootprints, WholeSphere)>,
 }
 
 /// What was found of one page.
 #[derive(Debug, Default)]
 struct PageVerdict {
     cut: Cut,
+    /// Of what is asked once all is cut.
+    marks: Option<PartMarks>,
     /// Pages below it with a leaf that is too large to be drawn as a splat, whether they are there or not, in their order.
     open: Vec<OpenPage>,
     /// Those leaves, ascending.
@@ -122,6 +142,7 @@ impl PageVerdict {
 pub struct PageCutSelector {
     /// One for each thread. Pages are small: many are cut at once, each by one thread.
     workers: Vec<CutSelector>,
+    depth: SharedDepth,
 }
 
 impl Default for PageCutSelector {
@@ -129,6 +150,7 @@ impl Default for PageCutSelector {
         let worker = || CutSelector::with_threads(1);
         Self {
             workers: (0..threads::count()).map(|_| worker()).collect(),
+            depth: SharedDepth::default(),
         }
     }
 }
@@ -157,33 +179,62 @@ impl PageCutSelector {
             entry,
             size_px: f32::INFINITY,
         });
+        let hides = (tests.hides).filter(|(_, whole)| self.depth.begin(tests.view, *whole));
+        let hiding = hides.map(|(footprints, _)| PartTests {
+            view: tests.view,
+            settings: tests.settings,
+            footprints,
+        });
+        let depth = &self.depth;
+        let hiding = hiding.as_ref().map(|tests| (depth, tests));
         let mut band: Vec<WantedPage> = first.into_iter().collect();
+        let mut all: Vec<FoundPage> = Vec::new();
         while !band.is_empty() {
             // Pages of one band do not depend on one another.
-            let mut found: Vec<(u32, Arc<DecodedPage>, PageVerdict)> = Vec::new();
+            let mut found: Vec<FoundPage> = Vec::new();
             for own in band.drain(..) {
                 match pages.page(own.entry.id) {
-                    Some(page) => found.push((own.entry.id, page, PageVerdict::default())),
+                    Some(page) => found.push(FoundPage::new(own.entry.id, page)),
                     None => out.wanted.push(own),
                 }
             }
-            threads::share(
-                &mut self.workers,
-                found.iter_mut(),
-                |worker, (id, page, verdict)| look_at(worker, *id, page, tests, verdict),
-            );
-            for (id, page, mut verdict) in found {
-                out.needed.push(id);
-                verdict.settle(&page, pages, (&mut band, &mut out.wanted));
-                let cut = verdict.cut;
-                out.stats.add(&cut.stats);
-                let is_empty = cut.nodes.is_empty()
-                    && cut.strips.is_empty()
-                    && cut.leaves.is_empty()
-                    && cut.triangles.is_empty();
-                if !is_empty {
-                    out.parts.push(PagePart { id, page, cut });
+            let mut work: Vec<&mut FoundPage> = found.iter_mut().collect();
+            if hiding.is_some() {
+                // What is near hides what is far.
+                work.sort_by_cached_key(|own| own.distance_key(tests.view));
+            }
+            threads::share(&mut self.workers, work.into_iter(), |worker, own| {
+                look_at(worker, own, tests, hiding);
+            });
+            for mut own in found {
+                out.needed.push(own.id);
+                let missing = &mut out.wanted;
+                own.verdict.settle(&own.page, pages, (&mut band, missing));
+                all.push(own);
+            }
+        }
+        if let Some((depth, tests)) = hiding {
+            let work = || all.iter().filter_map(|own| own.verdict.marks.as_ref());
+            threads::share(&mut self.workers, work(), |_, marks| {
+                depth.repair(tests, marks)
+            });
+            let work = all.iter_mut().filter(|own| own.verdict.marks.is_some());
+            threads::share(&mut self.workers, work, |_, own| {
+                let PageVerdict { cut, marks, .. } = &mut own.verdict;
+                if let Some(marks) = marks {
+                    depth.finish(tests, cut, marks);
                 }
+            });
+        }
+        for FoundPage { id, page, verdict } in all {
+            let cut = verdict.cut;
+            out.stats.add(&cut.stats);
+            let is_empty = cut.nodes.is_empty()
+                && cut.strips.is_empty()
+                && cut.leaves.is_empty()
+                && cut.triangles.is_empty();
+            if !is_empty {
+                out.parts.push(PagePart { id, page, cut });
             }
         }
         out.wanted.sort_by(|a, b| {
@@ -195,24 +246,68 @@ impl PageCutSelector {
     }
 }
 
+/// A page in memory that is walked over.
+#[derive(Debug)]
+struct FoundPage {
+    id: u32,
+    page: Arc<DecodedPage>,
+    verdict: PageVerdict,
+}
+
+impl FoundPage {
+    fn new(id: u32, page: Arc<DecodedPage>) -> Self {
+        Self {
+            id,
+            page,
+            verdict: PageVerdict::default(),
+        }
+    }
+
+    /// How far its middle is along the view direction, as a number that orders.
+    fn distance_key(&self, view: &View) -> i64 {
+        let center = WholeSphere::of(&self.page.model).center;
+        let z = view.view_from_model.transform_point3(center).z;
+        // Floats that are not negative order like their bits.
+        let bits = i64::from(z.abs().to_bits());
+        if z > 0.0 { -bits } else { bits }
+    }
+}
+
 /// Cuts one page. Its leaves that are drawn are in the cut; those to be opened are named.
+///
+/// What is drawn of an upper page is replaced where pages below it are there, so that it hides nothing.
 fn look_at(
     selector: &mut CutSelector,
-    id: u32,
-    page: &DecodedPage,
+    own: &mut FoundPage,
     tests: PageTests<'_>,
-    verdict: &mut PageVerdict,
+    hiding: Option<(&SharedDepth, &PartTests<'_>)>,
 ) {
     let PageTests {
         view,
         settings,
         choose,
+        ..
     } = tests;
-    let PageVerdict { cut, open, large } = verdict;
-    choose(selector, id, page, cut);
+    let FoundPage { id, page, verdict } = own;
+    let PageVerdict {
+        cut,
+        marks,
+        open,
+        large,
+    } = verdict;
     let Some(below) = &page.children else {
+        if hiding.is_some_and(|(depth, tests)| depth.hides(tests, WholeSphere::of(&page.model))) {
+            return;
+        }
+        let hiding = hiding.map(|(depth, tests)| PageHiding {
+            depth,
+            tests,
+            marks: marks.insert(PartMarks::default()),
+        });
+        choose(selector, *id, page, cut, hiding);
         return;
     };
+    choose(selector, *id, page, cut, None);
     // The test of leaves is that of points, by one normal, which is not that of a whole page.
     cut.leaves.clear();
     cut.triangles.clear();
@@ -291,13 +386,18 @@ mod tests {
         pages: &KnownPages,
         (view, settings): (&View, &CutSettings),
     ) -> PagedCut {
-        let choose = |selector: &mut CutSelector, _: u32, page: &DecodedPage, cut: &mut Cut| {
+        let choose = |selector: &mut CutSelector,
+                      _: u32,
+                      page: &DecodedPage,
+                      cut: &mut Cut,
+                      _: Option<PageHiding<'_>>| {
             selector.select(&page.model, view, settings, cut);
         };
         let tests = PageTests {
             view,
             settings,
             choose: &choose,
+            hides: None,
         };
         selector.select(file.root(), pages, tests)
     }

@@ -5,6 +5,7 @@ mod cpu_pictures;
 mod looked;
 mod patches;
 mod photos;
+mod samples;
 mod smooth;
 
 use crate::gpu::frame::FrameMeasure;
@@ -18,6 +19,7 @@ use crate::render::backend_choice::{AvailableBackends, FrameBackend};
 use crate::render::cost::model::DrawCosts;
 use crate::render::cpu::supported::unsupported_reason;
 use crate::render::engine::cpu_pictures::CpuPictures;
+use crate::render::engine::samples::VALUES;
 use crate::render::frame_plan::resolve_of_parts;
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
@@ -435,10 +437,21 @@ impl<'m> Engine<'m> {
         if settings.draws_visibility() {
             return self.render(view, settings);
         }
-        let values = PictureOutputs {
-            values: true,
-            ..PictureOutputs::default()
+        let size = match &self.cpu {
+            Some(cpu) => cpu.pictures.renderer.size(),
+            None => [view.width, view.height],
         };
+        self.sample_at(view, settings, size)
+    }
+
+    /// The same, where the processor draws pictures of another size.
+    fn sample_at(
+        &mut self,
+        view: &View,
+        settings: &Settings,
+        size: [u32; 2],
+    ) -> Result<Image, Error> {
+        let values = VALUES;
         if self.device.is_none() {
             check(settings, values, f32::INFINITY)?;
         }
@@ -455,10 +468,11 @@ impl<'m> Engine<'m> {
             &mut self.reference,
         ) {
             (FrameBackend::Cpu, Some(cpu), ..) => {
-                let size = cpu.pictures.renderer.size();
+                let old = cpu.samples.take();
+                let old = old.filter(|own| own.renderer.size() == size);
                 let samples = cpu
                     .samples
-                    .get_or_insert_with(|| CpuPictures::new(size, values));
+                    .insert(old.unwrap_or_else(|| CpuPictures::new(size, values)));
                 samples.draw(parts, view, settings, self.photos.as_deref())?;
                 Ok(samples.read(view))
             }
@@ -489,17 +503,15 @@ impl<'m> Engine<'m> {
         k: u32,
     ) -> Result<FloatImage, Error> {
         let mut mean = Accumulator::new();
-        for i in 0..k * k {
-            let view = jittered(view, i, k);
-            let image = if k > 1 {
-                self.sample(&view, settings)?
-            } else {
-                self.render(&view, settings)?
-            };
-            // Every picture has the size of the view, which is all that can go wrong.
-            if let Err(error) = mean.add(&image) {
+        // Every picture has the size of the view, which is all that can go wrong.
+        let mut add = |image: &Image| {
+            if let Err(error) = mean.add(image) {
                 unreachable!("pictures of one view: {error}");
             }
+        };
+        match k {
+            0 | 1 => add(&self.render(&jittered(view, 0, k), settings)?),
+            _ => self.samples(view, settings, k, |_, image| add(image))?,
         }
         Ok(mean.mean())
     }

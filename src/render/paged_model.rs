@@ -4,17 +4,17 @@
 //! (`src/pages/cut.rs`) and tells the loader which pages would make the picture finer. What is not there yet is drawn as the
 //! node that stands for it, so nothing is missing, only coarser.
 
-use crate::cut::{Cut, CutSelector};
+use crate::cut::{Cut, CutSelector, WholeSphere};
 use crate::gpu::Error;
 use crate::math::camera::View;
 use crate::pages::cache::PageCache;
-use crate::pages::cut::{PageCutSelector, PageTests, PagedCut};
+use crate::pages::cut::{PageCutSelector, PageHiding, PageTests, PagedCut};
 use crate::pages::file::PagedFile;
 use crate::pages::format::PageError;
 use crate::pages::loader::{LoaderOptions, PageLoader};
 use crate::pages::page::{DecodeOptions, DecodedPage};
 use crate::progress::Progress;
-use crate::render::cut_key::{CutKey, cut_settings};
+use crate::render::cut_key::{CutKey, LARGEST_HIDDEN_PX, cut_settings};
 use crate::render::frame_plan::resolved;
 use crate::render::model_facts::{DrawnFacts, FactedModel, ModelFacts};
 use crate::render::{Culling, Occlusion, Settings};
@@ -160,6 +160,11 @@ impl PagedModel {
         &self.stand_in
     }
 
+    /// Facts of the whole file, on which frames rest.
+    pub(crate) fn drawn_facts(&self) -> DrawnFacts {
+        self.facts
+    }
+
     /// Bytes of the pages in memory.
     pub fn resident_bytes(&self) -> u64 {
         self.cache.bytes()
@@ -190,8 +195,8 @@ impl PagedModel {
 
     /// Readies the parts of a frame, and gives the settings that it is drawn with.
     ///
-    /// Nothing is left out because parts hide one another: occlusion culling goes over one model alone. Where a closed surface
-    /// surrounds the eye, faces that face away are drawn, as of whole models.
+    /// Leaf pages that are in memory hide each other. Where a closed surface surrounds the eye, faces that face away are drawn,
+    /// as of whole models.
     ///
     /// # Errors
     /// [`Error::Unsupported`] of methods that draw all of a model: not all of it is in memory.
@@ -202,15 +207,16 @@ impl PagedModel {
                 why: "only the pages that the view needs are in memory; leave --method out, or use --method pop".into(),
             });
         }
-        let settings = Settings {
-            occlusion: Occlusion::Off,
-            ..*settings
-        };
+        let settings = *settings;
         self.take_pages();
         let is_inside = |view: &View| {
             view.is_perspective && self.facts.is_closed && surrounds(&self.stand_in, view.eye)
         };
         let mut drawn_with = resolved(&settings, &self.facts, view, is_inside);
+        if drawn_with.occlusion == Occlusion::Auto && drawn_with.threshold_px > LARGEST_HIDDEN_PX[2]
+        {
+            drawn_with.occlusion = Occlusion::Off;
+        }
         if drawn_with.culling != Culling::Off {
             drawn_with.culling = settings.culling;
         }
@@ -269,20 +275,33 @@ impl PagedModel {
         self.generation += 1;
         let cut_settings = cut_settings(settings, self.facts);
         let known = &self.known;
-        let choose = |selector: &mut CutSelector, id: u32, page: &DecodedPage, cut: &mut Cut| {
+        let alone = key.without_hiding();
+        let choose = |selector: &mut CutSelector,
+                      id: u32,
+                      page: &DecodedPage,
+                      cut: &mut Cut,
+                      hiding: Option<PageHiding<'_>>| {
             let own = known.get(&id);
             let Some(own) = own else { return };
-            key.select(
-                selector,
-                &page.model,
-                || own.facts.undrawn(&page.model),
-                cut,
-            );
+            let undrawn = || own.facts.undrawn(&page.model);
+            match hiding {
+                Some(PageHiding {
+                    depth,
+                    tests,
+                    marks,
+                }) => {
+                    let depth = (depth, undrawn());
+                    selector.select_part(&page.model, tests, depth, (cut, marks));
+                }
+                None => alone.select(selector, &page.model, undrawn, cut),
+            }
         };
+        let whole = WholeSphere::of(&self.stand_in);
         let tests = PageTests {
             view: key.view(),
             settings: &cut_settings,
             choose: &choose,
+            hides: key.hiding().map(|footprints| (footprints, whole)),
         };
         self.cut = self.selector.select(self.file.root(), &self.cache, tests);
         self.cache.begin_frame(&self.cut.needed);

@@ -2,7 +2,7 @@
 
 use super::Engine;
 use crate::gpu::Error;
-use crate::image::{Accumulator, FloatImage, jittered, mean_difference};
+use crate::image::{Accumulator, FloatImage, mean_difference};
 use crate::math::camera::View;
 use crate::render::Settings;
 
@@ -22,13 +22,12 @@ impl Engine<'_> {
     pub fn smooth(&mut self, view: &View, settings: &Settings) -> Result<FloatImage, Error> {
         let [k, most] = SMOOTH_SIDES;
         let mut halves = [Accumulator::new(), Accumulator::new()];
-        for i in 0..k * k {
-            let image = self.sample(&jittered(view, i, k), settings)?;
+        self.samples(view, settings, k, |i, image| {
             let half = &mut halves[((i + i / k) % 2) as usize];
-            if let Err(error) = half.add(&image) {
+            if let Err(error) = half.add(image) {
                 unreachable!("pictures of one view: {error}");
             }
-        }
+        })?;
         let [mut all, other] = halves;
         if mean_difference(&all.mean(), &other.mean()) > SMOOTH_DIFFERENCE {
             return self.supersample(view, settings, most);
