@@ -11,9 +11,9 @@
 //! NaN keeps the node and descends.
 
 use crate::cut::normal_cone::is_rough;
-use crate::cut::occlusion::shared::WholeSphere;
 use crate::cut::siblings;
 use crate::cut::siblings::SphereLanes;
+use crate::cut::whole_sphere::WholeSphere;
 use crate::cut::{CutSettings, SizeMetric};
 use crate::math::camera::View;
 use crate::math::frustum::{Frustum, Plane};

@@ -15,7 +15,6 @@ use crate::cut::batch::{NodeBatch, SiblingGroup};
 use crate::cut::coherent::{CoherentFront, children_of};
 use crate::cut::frustum_and_size::NodeTester;
 use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};
-use crate::cut::occlusion::shared::{PartMarks, PartTests, SharedDepth};
 use crate::cut::occlusion::{DepthMarks, OcclusionTest, SUBPIXEL_BITS, SoftwareDepthBuffer};
 use crate::cut::{Cut, CutSettings};
 use crate::math::camera::View;
@@ -214,9 +213,9 @@ pub struct CutSelector {
     front: NodeFront,
     batches: Vec<NodeBatch>,
     parts: Vec<ChildrenBelow>,
-    marks: DepthMarks,
+    pub(super) marks: DepthMarks,
     nearest: SoftwareDepthBuffer,
-    subpixel_bits: u32,
+    pub(super) subpixel_bits: u32,
     /// The front of the last cut, where cuts start at it.
     coherent: Option<CoherentFront>,
     /// Groups at which a cut starts, a list for each level.
@@ -328,27 +327,7 @@ impl CutSelector {
         self.nearest = nearest;
     }
 
-    /// As [`select_seen`](Self::select_seen), of one of several parts that hide each other: what is hidden by what was found
-    /// so far is left out, and the rest leaves marks, for [`SharedDepth::finish`] once all are cut.
-    pub fn select_part(
-        &mut self,
-        model: &Model,
-        tests: &PartTests<'_>,
-        (depth, undrawn): (&SharedDepth, &ZeroAreaSet),
-        (cut, marks): (&mut Cut, &mut PartMarks),
-    ) {
-        let tester = &depth.tester(model, tests);
-        let hiding = &depth.questions(tester, tests, (undrawn, self.subpixel_bits));
-        let tests = NodeTests {
-            tester,
-            hiding: Some(hiding),
-            is_part: true,
-        };
-        self.run(model, tests, cut);
-        std::mem::swap(&mut self.marks, &mut marks.0);
-    }
-
-    fn run(&mut self, model: &Model, tests: NodeTests<'_>, cut: &mut Cut) {
+    pub(super) fn run(&mut self, model: &Model, tests: NodeTests<'_>, cut: &mut Cut) {
         let tree = &model.tree;
         cut.clear();
         self.marks.clear();

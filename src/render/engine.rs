@@ -19,7 +19,6 @@ use crate::render::backend_choice::{AvailableBackends, FrameBackend};
 use crate::render::cost::model::DrawCosts;
 use crate::render::cpu::supported::unsupported_reason;
 use crate::render::engine::cpu_pictures::CpuPictures;
-use crate::render::engine::samples::VALUES;
 use crate::render::frame_plan::resolve_of_parts;
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
@@ -32,6 +31,13 @@ use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Path, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
+
+/// Outputs of samples: values, so that only their mean is rounded.
+const VALUES: PictureOutputs = PictureOutputs {
+    depth: false,
+    normal: false,
+    values: true,
+};
 
 /// Where pictures are made.
 #[derive(Debug, Clone)]

@@ -10,7 +10,7 @@ use crate::math::camera::View;
 use crate::pages::cache::PageCache;
 use crate::pages::cut::{PageCutSelector, PageHiding, PageTests, PagedCut};
 use crate::pages::file::PagedFile;
-use crate::pages::format::PageError;
+use crate::pages::format::{PageEntry, PageError};
 use crate::pages::loader::{LoaderOptions, PageLoader};
 use crate::pages::page::{DecodeOptions, DecodedPage};
 use crate::progress::Progress;
@@ -22,7 +22,7 @@ use crate::tree::{Model, ModelKind, Node};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How a paged file is drawn.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +33,30 @@ pub struct PagedModelOptions {
     pub threads: usize,
     /// World position of the zero of the space in which it is drawn; `None` for that of the file.
     pub origin: Option<DVec3>,
+    /// The first part of the file, of which pages are read; `None` for all. The first page always is.
+    pub prefix: Option<FilePrefix>,
+    /// How long [`PagedModel::load`] waits for pages, from the time at which the file was opened on; `None` for as long as it
+    /// takes. It always waits for the first page.
+    pub longest_wait: Option<Duration>,
+}
+
+/// The first part of a file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FilePrefix {
+    /// So many bytes.
+    Bytes(u64),
+    /// This part of its bytes, 0 to 1.
+    Part(f64),
+}
+
+impl FilePrefix {
+    /// Bytes of it in a file of this length.
+    pub fn bytes(self, length: u64) -> u64 {
+        match self {
+            Self::Bytes(bytes) => bytes.min(length),
+            Self::Part(part) => (part.clamp(0.0, 1.0) * length as f64) as u64,
+        }
+    }
 }
 
 impl Default for PagedModelOptions {
@@ -42,6 +66,8 @@ impl Default for PagedModelOptions {
             memory_bytes: 1 << 30,
             threads: 2,
             origin: None,
+            prefix: None,
+            longest_wait: None,
         }
     }
 }
@@ -86,6 +112,9 @@ pub struct PagedModel {
     changes: u64,
     /// Pages that are wanted do not fit beside those that the picture needs.
     is_full: bool,
+    /// Past the last byte of the pages that may be read.
+    end: u64,
+    opened: Instant,
 }
 
 impl PagedModel {
@@ -121,6 +150,11 @@ impl PagedModel {
             })?;
         Ok(Self {
             has_colors: file.has_colors(),
+            end: match options.prefix {
+                Some(prefix) => prefix.bytes(file.header().file_length),
+                None => u64::MAX,
+            },
+            opened: Instant::now(),
             file,
             options,
             stand_in,
@@ -307,6 +341,9 @@ impl PagedModel {
         self.cache.begin_frame(&self.cut.needed);
         // What stands for pages that are missing has its own sizes.
         let is_coarse = !self.cut.wanted.is_empty();
+        let (end, root) = (self.end, self.file.root().map(|root| root.id));
+        let may_be_read = |entry: &PageEntry| entry.end() <= end || Some(entry.id) == root;
+        self.cut.wanted.retain(|wanted| may_be_read(&wanted.entry));
         self.cut.parts.retain(|part| known.contains_key(&part.id));
         let facts_of = |id: &u32| {
             let own = known.get(id)?;
@@ -344,6 +381,12 @@ impl PagedModel {
         self.generation
     }
 
+    /// Whether it was waited as long as is allowed, and the first page is there.
+    fn is_late(&self) -> bool {
+        let longest = self.options.longest_wait;
+        !self.cache.is_empty() && longest.is_some_and(|longest| self.opened.elapsed() >= longest)
+    }
+
     /// Loads what the picture of a view needs, as far as memory allows, and gives a message for each page that failed: what
     /// stands for it is drawn instead. Ends early where `progress` is cancelled. All pages that a cut wants are read before
     /// the next is chosen: as many cuts as the file has pages one above another.
@@ -362,11 +405,15 @@ impl PagedModel {
             self.prepare(view, settings)?;
             messages.append(&mut self.loader.messages());
             let is_stuck = self.loader.is_stuck() && !self.loader.has_pages();
-            if self.wanted_pages() == 0 || is_stuck || progress.is_cancelled() {
+            let is_late = self.is_late();
+            if is_late {
+                self.loader.want(&[]);
+            }
+            if self.wanted_pages() == 0 || is_stuck || is_late || progress.is_cancelled() {
                 return Ok(messages);
             }
             while self.loader.pending() > 0 && !self.loader.is_stuck() && !self.is_full {
-                if progress.is_cancelled() {
+                if progress.is_cancelled() || self.is_late() {
                     break;
                 }
                 self.loader.wait(Duration::from_millis(50));

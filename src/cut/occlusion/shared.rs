@@ -3,10 +3,11 @@
 use super::{DepthMarks, OcclusionTest, SUBPIXEL_BITS, SoftwareDepthBuffer};
 use crate::cut::frustum_and_size::NodeTester;
 use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};
-use crate::cut::{Cut, CutSettings};
+use crate::cut::select::NodeTests;
+use crate::cut::whole_sphere::WholeSphere;
+use crate::cut::{Cut, CutSelector, CutSettings};
 use crate::math::camera::View;
 use crate::tree::Model;
-use glam::Vec3;
 
 /// A depth buffer that the cuts of several parts share.
 ///
@@ -18,29 +19,6 @@ pub struct SharedDepth {
     nearest: SoftwareDepthBuffer,
     whole: WholeSphere,
     undrawn: ZeroAreaSet,
-}
-
-/// A sphere around all parts, model space: distances of all are measured in one unit.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct WholeSphere {
-    /// Its center.
-    pub center: Vec3,
-    /// Its radius.
-    pub radius: f32,
-}
-
-impl WholeSphere {
-    /// That of a model's root.
-    pub fn of(model: &Model) -> Self {
-        let root = model.tree.nodes.first();
-        let root = root.map(|node| (node.center, node.radius));
-        let leaf = || {
-            let leaf = model.tree.leaves.first()?;
-            Some((leaf.center, leaf.radius))
-        };
-        let (center, radius) = root.or_else(leaf).unwrap_or((Vec3::ZERO, 1.0));
-        Self { center, radius }
-    }
 }
 
 /// What was asked of a part's splats and triangles, beside the lists of its cut.
@@ -105,5 +83,27 @@ impl SharedDepth {
     /// Leaves out of a part what is hidden, now that all parts are cut.
     pub fn finish(&self, tests: &PartTests<'_>, cut: &mut Cut, marks: &PartMarks) {
         self.of_marks(tests).finish(cut, &marks.0, &mut []);
+    }
+}
+
+impl CutSelector {
+    /// As [`select_seen`](Self::select_seen), of one of several parts that hide each other: what is hidden by what was found
+    /// so far is left out, and the rest leaves marks, for [`SharedDepth::finish`] once all are cut.
+    pub fn select_part(
+        &mut self,
+        model: &Model,
+        tests: &PartTests<'_>,
+        (depth, undrawn): (&SharedDepth, &ZeroAreaSet),
+        (cut, marks): (&mut Cut, &mut PartMarks),
+    ) {
+        let tester = &depth.tester(model, tests);
+        let hiding = &depth.questions(tester, tests, (undrawn, self.subpixel_bits));
+        let tests = NodeTests {
+            tester,
+            hiding: Some(hiding),
+            is_part: true,
+        };
+        self.run(model, tests, cut);
+        std::mem::swap(&mut self.marks, &mut marks.0);
     }
 }

@@ -1,6 +1,6 @@
 //! Samples of pixels that are the pixels of a larger picture, so that one cut serves many of them.
 
-use super::Engine;
+use super::{Engine, VALUES};
 use crate::gpu::Error;
 use crate::image::{Image, jittered};
 use crate::math::camera::View;
@@ -8,17 +8,10 @@ use crate::render::backend_choice::FrameBackend;
 use crate::render::cut_key::knows_footprints;
 use crate::render::frame_plan::resolved;
 use crate::render::model_facts::DrawnFacts;
-use crate::render::{AmbientOcclusion, EyeDome, PictureOutputs, Settings};
+use crate::render::{AmbientOcclusion, EyeDome, Settings};
 
 /// Most pixels of a larger picture, which takes 24 bytes for each.
 const MOST_PIXELS: u64 = 1 << 22;
-
-/// Outputs of samples: values, so that only their mean is rounded.
-pub(super) const VALUES: PictureOutputs = PictureOutputs {
-    depth: false,
-    normal: false,
-    values: true,
-};
 
 /// Tells whether a picture that is larger by some factor shows at its pixels what samples of the smaller one show: of opaque
 /// squares and discs of a pixel at most in either, which are drawn where their balls contain a pixel's center, and with no look
