@@ -222,11 +222,12 @@ fn counted(file: &PagedFile, view: &View, settings: &Settings) -> (Image, u64) {
 
 #[test]
 fn what_other_pages_hide_is_left_out_and_no_pixel_changes() {
+    let mut fewer = 0;
     for is_cloud in [false, true] {
         let model = statue(60_000, is_cloud);
         let file = paged(&model);
         for (name, view) in views(&model) {
-            for threshold_px in [0.3, 1.0, 3.0] {
+            for threshold_px in [0.3, 3.0, 8.0] {
                 // Rears are drawn too, so that there are several layers.
                 let off = Settings {
                     occlusion: Occlusion::Off,
@@ -241,16 +242,13 @@ fn what_other_pages_hide_is_left_out_and_no_pixel_changes() {
                 let (seen, left) = counted(&file, &view, &on);
                 let what = format!("{name}, cloud {is_cloud}, {threshold_px}: {left} of {drawn}");
                 assert!(all.color == seen.color, "{what}");
-                // Where splats are large, upper pages draw most of them, of which none is left out.
-                let most = if threshold_px > 1.0 {
-                    drawn
-                } else {
-                    drawn * 9 / 10
-                };
-                assert!(left <= most, "{what}");
+                assert!(left <= drawn, "{what}");
+                fewer += usize::from(left < drawn * 9 / 10);
             }
         }
     }
+    // Small triangles are all drawn; of large splats upper pages draw some.
+    assert!(fewer >= 4, "{fewer}");
 }
 
 #[test]
