@@ -9,8 +9,9 @@ use common::{Device, generated, orbit, orthographic};
 use glam::DVec3;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 use surfel::generate::{GeneratedShape, ShapeSpec};
-use surfel::image::Image;
+use surfel::image::{Accumulator, Image, jittered};
 use surfel::math::camera::{Camera, View};
 use surfel::pages::file::PagedFile;
 use surfel::pages::join::whole_model;
@@ -18,7 +19,7 @@ use surfel::pages::source::{ByteSource, MemorySource};
 use surfel::pages::write::{PagedOptions, to_bytes};
 use surfel::progress::Silent;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::paged_model::{PagedModel, PagedModelOptions};
+use surfel::render::paged_model::{FilePrefix, PagedModel, PagedModelOptions};
 use surfel::render::{Culling, Method, Occlusion, Path, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -205,6 +206,113 @@ fn a_whole_picture_is_that_of_the_joined_model() {
                 );
             }
         }
+    }
+}
+
+/// Draws one frame of pages by the processor: the picture, and how many splats and triangles were drawn.
+fn counted(file: &PagedFile, view: &View, settings: &Settings) -> (Image, u64) {
+    let pages = opened(file, ENOUGH);
+    let stand_in = pages.stand_in().clone();
+    let outputs = pictures::with_depth(false);
+    let mut engine = Engine::new(&Backend::Cpu, &stand_in, SIZE, outputs).unwrap();
+    engine.set_pages(0, pages);
+    let counts = engine.draw(view, settings).unwrap().counts;
+    (engine.read(view).unwrap(), counts.splats + counts.triangles)
+}
+
+#[test]
+fn what_other_pages_hide_is_left_out_and_no_pixel_changes() {
+    let mut fewer = 0;
+    for is_cloud in [false, true] {
+        let model = statue(60_000, is_cloud);
+        let file = paged(&model);
+        for (name, view) in views(&model) {
+            for threshold_px in [0.3, 3.0, 8.0] {
+                // Rears are drawn too, so that there are several layers.
+                let off = Settings {
+                    occlusion: Occlusion::Off,
+                    culling: Culling::Off,
+                    ..settings_of(SplatKind::Square, threshold_px)
+                };
+                let on = Settings {
+                    occlusion: Occlusion::On,
+                    ..off
+                };
+                let (all, drawn) = counted(&file, &view, &off);
+                let (seen, left) = counted(&file, &view, &on);
+                let what = format!("{name}, cloud {is_cloud}, {threshold_px}: {left} of {drawn}");
+                assert!(all.color == seen.color, "{what}");
+                assert!(left <= drawn, "{what}");
+                fewer += usize::from(left < drawn * 9 / 10);
+            }
+        }
+    }
+    // Small triangles are all drawn; of large splats upper pages draw some.
+    assert!(fewer >= 4, "{fewer}");
+}
+
+#[test]
+fn samples_that_are_pixels_of_a_larger_picture_are_those_of_shifted_views() {
+    let model = statue(60_000, false);
+    let file = paged(&model);
+    for (name, view) in views(&model) {
+        // 1 px of the larger picture, and squares for which there is none.
+        for (threshold_px, most) in [(0.125, 60), (0.25, 60), (2.0, 0)] {
+            let settings = settings_of(SplatKind::Square, threshold_px);
+            let pages = opened(&file, ENOUGH);
+            let stand_in = pages.stand_in().clone();
+            let outputs = pictures::with_depth(false);
+            let mut engine = Engine::new(&Backend::Cpu, &stand_in, SIZE, outputs).unwrap();
+            engine.set_pages(0, pages);
+            let own = engine.supersample(&view, &settings, 4).unwrap();
+            let mut mean = Accumulator::new();
+            for i in 0..16 {
+                let sample = engine.sample(&jittered(&view, i, 4), &settings).unwrap();
+                mean.add(&sample).unwrap();
+            }
+            let wanted = mean.mean();
+            let pixels = || own.color.iter().zip(&wanted.color);
+            assert!(pixels().filter(|(own, _)| own[3] > 0.0).count() > 5_000);
+            // What lies at a limit may be rounded to the other side.
+            let is_off =
+                |(a, b): &(&[f32; 4], &[f32; 4])| (0..4).any(|i| (a[i] - b[i]).abs() > 0.5 / 255.0);
+            let off = pixels().filter(is_off).count();
+            assert!(off <= most, "{name}, {threshold_px}: {off} pixels");
+        }
+    }
+}
+
+#[test]
+fn a_prefix_of_the_file_is_a_coarse_whole_picture() {
+    let model = statue(60_000, false);
+    let file = paged(&model);
+    let settings = settings_of(SplatKind::Square, 1.0);
+    for (name, view) in views(&model) {
+        let drawn = |options: PagedModelOptions| {
+            let pages = PagedModel::open(file.clone(), options).unwrap();
+            picture(&Backend::Cpu, pages, &view, &settings).unwrap().0
+        };
+        let (full, _) = picture(&Backend::Cpu, opened(&file, ENOUGH), &view, &settings).unwrap();
+        let of_part = |part: f64| PagedModelOptions {
+            prefix: Some(FilePrefix::Part(part)),
+            ..PagedModelOptions::default()
+        };
+        let offs = [0.0, 0.1, 0.5, 1.0].map(|part| {
+            let (off, missing) = differences(&drawn(of_part(part)), &full);
+            assert_eq!(missing, 0, "{name}, {part}");
+            off
+        });
+        // Within 2 percent of the picture.
+        let slack = (SIZE.0 * SIZE.1 / 50) as usize;
+        let falls = offs.windows(2).all(|two| two[1] <= two[0] + slack);
+        assert!(falls && offs[0] > 2_000 && offs[3] == 0, "{name}: {offs:?}");
+        // Nobody waits but for the first page.
+        let at_once = PagedModelOptions {
+            longest_wait: Some(Duration::ZERO),
+            ..PagedModelOptions::default()
+        };
+        let (_, missing) = differences(&drawn(at_once), &full);
+        assert_eq!(missing, 0, "{name}");
     }
 }
 

@@ -32,6 +32,8 @@ mod render;
 mod rendered_picture;
 mod reproduce;
 mod scenes;
+#[cfg(feature = "remote")]
+mod serve;
 #[cfg(feature = "viewer")]
 mod soak;
 #[cfg(feature = "viewer")]
@@ -213,6 +215,9 @@ enum Command {
     Compare(Box<compare::Args>),
     /// List the built-in scenes that methods fail at
     Scenes(scenes::Args),
+    /// Serve the paged trees of a folder over http
+    #[cfg(feature = "remote")]
+    Serve(serve::Args),
     /// Measure what each pass and each stage of a frame costs
     Profile(Box<profile::Args>),
     /// Measure how steady pictures are in motion: flicker, popping, churn of the cut
@@ -314,6 +319,8 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Generate(args)) => generate::run(args, quiet),
         Some(Command::Compare(args)) => compare::run(*args),
         Some(Command::Scenes(args)) => scenes::run(args),
+        #[cfg(feature = "remote")]
+        Some(Command::Serve(args)) => serve::run(&args),
         Some(Command::Profile(args)) => profile::run(*args, quiet),
         Some(Command::Motion(args)) => motion::run(*args, quiet),
         Some(Command::Patches(args)) => patches::run(*args, quiet),

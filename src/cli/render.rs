@@ -10,11 +10,12 @@ use super::mark_args::MarkArgs;
 use super::photo_args::{PhotoArgs, StagedScene, camera_of};
 use super::progress::{Bar, is_interrupted};
 use super::rendered_picture::RenderedPicture;
-use super::source::{ColorArgs, PageArgs, Source};
+use super::source::{ColorArgs, PageArgs, Source, parse_wait};
 use super::{Failure, Outcome, print_bytes, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
 use surfel::image::{MarkedLines, PictureMarks};
@@ -22,7 +23,7 @@ use surfel::math::measured_line::MeasureList;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::engine::{Backend, Engine, smooth_threshold};
-use surfel::render::paged_model::PagedModel;
+use surfel::render::paged_model::{PagedModel, PagedModelOptions};
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::OverdrawSummary;
 use surfel::render::vulkan::overdraw;
@@ -161,6 +162,9 @@ pub(crate) struct Args {
     color: ColorArgs,
     #[command(flatten)]
     pages: PageArgs,
+    /// Wait at most this long for the pages of paged tree files, and draw what is there; 0 draws the first page [default: until all is there that the picture needs]
+    #[arg(long, value_name = "SECONDS", value_parser = parse_wait)]
+    wait: Option<f64>,
     /// Draw a built-in scene with its own camera, picture size and threshold, unless those are given; `list` lists them
     #[arg(long, value_name = "NAME", conflicts_with = "model")]
     scene: Option<String>,
@@ -489,7 +493,11 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     let mut engine = Engine::of_models(&backend, &models, size, outputs)?;
     for (index, opened) in [&ready].into_iter().chain(&others).enumerate() {
         if let Some(file) = &opened.paged {
-            let options = args.pages.options(ready.model.origin);
+            let options = PagedModelOptions {
+                origin: Some(ready.model.origin),
+                longest_wait: args.wait.map(Duration::from_secs_f64),
+                ..args.pages.options()
+            };
             let pages =
                 PagedModel::open(file.clone(), options).map_err(surfel::tree::Error::from)?;
             engine.set_pages(index, pages);

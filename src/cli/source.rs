@@ -7,7 +7,7 @@ use glam::DVec3;
 use std::path::PathBuf;
 use surfel::input::{self, ColorSetting, FieldCondition, PointColoring, PointFilter};
 use surfel::progress::Progress;
-use surfel::render::paged_model::PagedModelOptions;
+use surfel::render::paged_model::{FilePrefix, PagedModelOptions};
 use surfel::tree::{BuildOptions, SplitRule};
 use surfel::{OpenOptions, OpenedModel};
 
@@ -121,6 +121,31 @@ pub(crate) struct PageArgs {
     /// Memory for the pages of paged tree files, such as 512MiB or 4GiB; what does not fit is drawn coarser [default: half of what is free, at most 4GiB]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     memory: Option<u64>,
+    /// Read only the first part of paged tree files, such as 10% or 20MiB; the rest is drawn coarser
+    #[arg(long, value_name = "PART", value_parser = parse_prefix)]
+    prefix: Option<FilePrefix>,
+}
+
+/// Seconds of `--wait`.
+pub(crate) fn parse_wait(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.0..=86_400.0).contains(&seconds) => Ok(seconds),
+        _ => Err("expected seconds, 0 to 86400".to_owned()),
+    }
+}
+
+/// A part such as `10%`, or a number of bytes.
+fn parse_prefix(text: &str) -> Result<FilePrefix, String> {
+    match text
+        .strip_suffix('%')
+        .map(|text| text.trim().parse::<f64>())
+    {
+        Some(Ok(percent)) if (0.0..=100.0).contains(&percent) => {
+            Ok(FilePrefix::Part(percent / 100.0))
+        }
+        Some(_) => Err("expected a part from 0% to 100%".to_owned()),
+        None => parse_bytes(text).map(FilePrefix::Bytes),
+    }
 }
 
 impl PageArgs {
@@ -130,11 +155,11 @@ impl PageArgs {
             .unwrap_or_else(surfel::pages::cache::usual_budget)
     }
 
-    /// How a paged file is drawn in the space of a model with this origin.
-    pub(crate) fn options(self, origin: DVec3) -> PagedModelOptions {
+    /// How paged files are drawn.
+    pub(crate) fn options(self) -> PagedModelOptions {
         PagedModelOptions {
             memory_bytes: self.bytes(),
-            origin: Some(origin),
+            prefix: self.prefix,
             ..PagedModelOptions::default()
         }
     }

@@ -10,7 +10,6 @@ use super::source::{ColorArgs, Framing, KeepArgs, PageArgs, SurfaceArgs, open_op
 use super::{Failure, Outcome, print, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
-use surfel::render::paged_model::PagedModelOptions;
 use surfel::viewer::{self, InjectedFaults, PhotographOptions, ViewerOptions, store};
 
 /// Mouse and keys, for `surfel --help`.
@@ -224,10 +223,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
             scene: args.photos.photos,
             folder: args.photos.photo_folder,
         },
-        paged: PagedModelOptions {
-            memory_bytes: args.pages.bytes(),
-            ..PagedModelOptions::default()
-        },
+        paged: args.pages.options(),
         size: size.unwrap_or((window.width, window.height)),
         size_is_usual: size.is_none() && is_attended,
         ui_scale: args.ui_scale,

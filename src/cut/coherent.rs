@@ -178,7 +178,7 @@ impl CoherentFront {
     pub(super) fn advance(
         &mut self,
         model: &Model,
-        NodeTests { tester, hiding }: NodeTests<'_>,
+        NodeTests { tester, hiding, .. }: NodeTests<'_>,
         starts: &mut Vec<Vec<SiblingGroup>>,
     ) -> Option<u64> {
         let is_sound = !tester.is_perspective || tester.ratio >= LEAST_RATIO;

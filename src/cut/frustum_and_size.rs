@@ -13,6 +13,7 @@
 use crate::cut::normal_cone::is_rough;
 use crate::cut::siblings;
 use crate::cut::siblings::SphereLanes;
+use crate::cut::whole_sphere::WholeSphere;
 use crate::cut::{CutSettings, SizeMetric};
 use crate::math::camera::View;
 use crate::math::frustum::{Frustum, Plane};
@@ -102,14 +103,19 @@ impl NodeTester {
     /// the scale of its first axis. A threshold below 0 or NaN counts as 0. Side planes are moved outward by half a splat, so that
     /// culling does not cut splats off at the edge of the picture.
     pub fn new(model: &Model, view: &View, settings: &CutSettings) -> Self {
+        Self::of_part(model, WholeSphere::of(model), view, settings)
+    }
+
+    /// Prepares the tests of a part of something larger that lies within a sphere: lengths of all parts have one unit.
+    pub(super) fn of_part(
+        model: &Model,
+        whole: WholeSphere,
+        view: &View,
+        settings: &CutSettings,
+    ) -> Self {
         let threshold_px = settings.threshold_px.max(0.0);
         let frustum = Frustum::new(view, threshold_px.clamp(1.0, 16_384.0) / 2.0 + 0.5);
-        let (root_center, root_radius) = match (model.tree.nodes.first(), model.tree.leaves.first())
-        {
-            (Some(node), _) => (node.center, node.radius),
-            (None, Some(leaf)) => (leaf.center, leaf.radius),
-            (None, None) => (Vec3::ZERO, 1.0),
-        };
+        let (root_center, root_radius) = (whole.center, whole.radius);
         let reference = if view.is_perspective {
             view.eye
         } else {

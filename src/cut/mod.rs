@@ -13,12 +13,15 @@ mod occlusion;
 mod select;
 mod siblings;
 mod strip;
+mod whole_sphere;
 
 pub use crate::cut::device_constants::most_splats;
 pub use crate::cut::four::{FourBalls, FourNodes};
 pub use crate::cut::frustum_and_size::NodeTester;
 pub use crate::cut::normal_cone::FacingTest;
 pub use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};
+pub use crate::cut::whole_sphere::WholeSphere;
+pub use occlusion::shared::{PartMarks, PartTests, SharedDepth};
 pub use select::{CutSelector, select};
 pub use strip::{
     MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_center_of, strip_centers,

@@ -16,6 +16,7 @@ mod filter_lists;
 pub(crate) mod footprints;
 mod nodes;
 pub(crate) mod pixel_centers;
+pub(super) mod shared;
 mod splat_batch;
 
 pub(super) use crate::cut::occlusion::splat_batch::{CHUNK, Chunk};

@@ -46,6 +46,8 @@ struct NodeFront {
 pub(super) struct NodeTests<'a> {
     pub(super) tester: &'a NodeTester,
     pub(super) hiding: Option<&'a OcclusionTest<'a>>,
+    /// Others are cut before it is known what is hidden: marks are kept for then, and one thread cuts it.
+    pub(super) is_part: bool,
 }
 
 impl NodeFront {
@@ -53,7 +55,7 @@ impl NodeFront {
     fn descend(
         &mut self,
         model: &Model,
-        NodeTests { tester, hiding }: NodeTests<'_>,
+        NodeTests { tester, hiding, .. }: NodeTests<'_>,
         batch: &mut NodeBatch,
         (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
@@ -75,7 +77,7 @@ impl NodeFront {
     fn finish(
         &self,
         model: &Model,
-        NodeTests { tester, hiding }: NodeTests<'_>,
+        NodeTests { tester, hiding, .. }: NodeTests<'_>,
         batch: &mut NodeBatch,
         (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
@@ -211,9 +213,9 @@ pub struct CutSelector {
     front: NodeFront,
     batches: Vec<NodeBatch>,
     parts: Vec<ChildrenBelow>,
-    marks: DepthMarks,
+    pub(super) marks: DepthMarks,
     nearest: SoftwareDepthBuffer,
-    subpixel_bits: u32,
+    pub(super) subpixel_bits: u32,
     /// The front of the last cut, where cuts start at it.
     coherent: Option<CoherentFront>,
     /// Groups at which a cut starts, a list for each level.
@@ -276,6 +278,7 @@ impl CutSelector {
         let tests = NodeTests {
             tester,
             hiding: None,
+            is_part: false,
         };
         self.run(model, tests, cut);
     }
@@ -318,12 +321,13 @@ impl CutSelector {
         let tests = NodeTests {
             tester,
             hiding: Some(hiding),
+            is_part: false,
         };
         self.run(model, tests, cut);
         self.nearest = nearest;
     }
 
-    fn run(&mut self, model: &Model, tests: NodeTests<'_>, cut: &mut Cut) {
+    pub(super) fn run(&mut self, model: &Model, tests: NodeTests<'_>, cut: &mut Cut) {
         let tree = &model.tree;
         cut.clear();
         self.marks.clear();
@@ -367,7 +371,7 @@ impl CutSelector {
         self.front.join(starts_of(0));
         let mut level = 0;
         let is_ordered = tests.hiding.is_some_and(OcclusionTest::drops_nodes);
-        let is_divided = self.threads > 1 || is_ordered;
+        let is_divided = (self.threads > 1 || is_ordered) && !tests.is_part;
         while level < levels && !(is_divided && self.front.groups.len() >= self.large) {
             let found = (&mut *cut, &mut self.marks);
             self.front.descend(model, tests, batch, found);
@@ -381,7 +385,7 @@ impl CutSelector {
         }
         let found = (&mut *cut, &mut self.marks);
         self.front.finish(model, tests, batch, found);
-        if let Some(hiding) = tests.hiding {
+        if let Some(hiding) = tests.hiding.filter(|_| !tests.is_part) {
             hiding.finish(cut, &self.marks, &mut []);
         }
     }

@@ -6,7 +6,10 @@
 
 use super::format::PageEntry;
 use super::page::DecodedPage;
-use crate::cut::{Cut, CutSelector, CutSettings, CutStats, FacingTest, NodeTester};
+use crate::cut::{
+    Cut, CutSelector, CutSettings, CutStats, FacingTest, NodeTester, PartMarks, PartTests,
+    SharedDepth, SplatFootprints, WholeSphere,
+};
 use crate::math::camera::View;
 use crate::threads;
 use std::sync::Arc;
@@ -50,8 +53,21 @@ pub struct PagedCut {
     pub stats: CutStats,
 }
 
-/// Chooses the cut of one page's model: told a selector, the page's number, the page, and where the cut goes.
-pub type PageChoice<'a> = dyn Fn(&mut CutSelector, u32, &DecodedPage, &mut Cut) + Sync + 'a;
+/// Chooses the cut of one page's model: told a selector, the page's number, the page, where the cut goes, and where pages hide
+/// each other what is needed for that.
+pub type PageChoice<'a> =
+    dyn Fn(&mut CutSelector, u32, &DecodedPage, &mut Cut, Option<PageHiding<'_>>) + Sync + 'a;
+
+/// What a page is told of the others where they hide each other.
+#[derive(Debug)]
+pub struct PageHiding<'a> {
+    /// The depths that all share.
+    pub depth: &'a SharedDepth,
+    /// How all are cut.
+    pub tests: &'a PartTests<'a>,
+    /// Where it is noted what was asked.
+    pub marks: &'a mut PartMarks,
+}
 
 /// How the cut of a frame is chosen.
 #[derive(Clone, Copy)]
@@ -62,12 +78,16 @@ pub struct PageTests<'a> {
     pub settings: &'a CutSettings,
     /// Chooses what is drawn of a page, by these settings.
     pub choose: &'a PageChoice<'a>,
+    /// What splats are drawn as where leaf pages hide each other, and a sphere around all pages.
+    pub hides: Option<(SplatFootprints, WholeSphere)>,
 }
 
 /// What was found of one page.
 #[derive(Debug, Default)]
 struct PageVerdict {
     cut: Cut,
+    /// Of what is asked once all is cut.
+    marks: Option<PartMarks>,
     /// Pages below it with a leaf that is too large to be drawn as a splat, whether they are there or not, in their order.
     open: Vec<OpenPage>,
     /// Those leaves, ascending.
@@ -122,6 +142,7 @@ impl PageVerdict {
 pub struct PageCutSelector {
     /// One for each thread. Pages are small: many are cut at once, each by one thread.
     workers: Vec<CutSelector>,
+    depth: SharedDepth,
 }
 
 impl Default for PageCutSelector {
@@ -129,6 +150,7 @@ impl Default for PageCutSelector {
         let worker = || CutSelector::with_threads(1);
         Self {
             workers: (0..threads::count()).map(|_| worker()).collect(),
+            depth: SharedDepth::default(),
         }
     }
 }
@@ -157,33 +179,62 @@ impl PageCutSelector {
             entry,
             size_px: f32::INFINITY,
         });
+        let hides = (tests.hides).filter(|(_, whole)| self.depth.begin(tests.view, *whole));
+        let hiding = hides.map(|(footprints, _)| PartTests {
+            view: tests.view,
+            settings: tests.settings,
+            footprints,
+        });
+        let depth = &self.depth;
+        let hiding = hiding.as_ref().map(|tests| (depth, tests));
         let mut band: Vec<WantedPage> = first.into_iter().collect();
+        let mut all: Vec<FoundPage> = Vec::new();
         while !band.is_empty() {
             // Pages of one band do not depend on one another.
-            let mut found: Vec<(u32, Arc<DecodedPage>, PageVerdict)> = Vec::new();
+            let mut found: Vec<FoundPage> = Vec::new();
             for own in band.drain(..) {
                 match pages.page(own.entry.id) {
-                    Some(page) => found.push((own.entry.id, page, PageVerdict::default())),
+                    Some(page) => found.push(FoundPage::new(own.entry.id, page)),
                     None => out.wanted.push(own),
                 }
             }
-            threads::share(
-                &mut self.workers,
-                found.iter_mut(),
-                |worker, (id, page, verdict)| look_at(worker, *id, page, tests, verdict),
-            );
-            for (id, page, mut verdict) in found {
-                out.needed.push(id);
-                verdict.settle(&page, pages, (&mut band, &mut out.wanted));
-                let cut = verdict.cut;
-                out.stats.add(&cut.stats);
-                let is_empty = cut.nodes.is_empty()
-                    && cut.strips.is_empty()
-                    && cut.leaves.is_empty()
-                    && cut.triangles.is_empty();
-                if !is_empty {
-                    out.parts.push(PagePart { id, page, cut });
+            let mut work: Vec<&mut FoundPage> = found.iter_mut().collect();
+            if hiding.is_some() {
+                // What is near hides what is far.
+                work.sort_by_cached_key(|own| own.distance_key(tests.view));
+            }
+            threads::share(&mut self.workers, work.into_iter(), |worker, own| {
+                look_at(worker, own, tests, hiding);
+            });
+            for mut own in found {
+                out.needed.push(own.id);
+                let missing = &mut out.wanted;
+                own.verdict.settle(&own.page, pages, (&mut band, missing));
+                all.push(own);
+            }
+        }
+        if let Some((depth, tests)) = hiding {
+            let work = || all.iter().filter_map(|own| own.verdict.marks.as_ref());
+            threads::share(&mut self.workers, work(), |_, marks| {
+                depth.repair(tests, marks)
+            });
+            let work = all.iter_mut().filter(|own| own.verdict.marks.is_some());
+            threads::share(&mut self.workers, work, |_, own| {
+                let PageVerdict { cut, marks, .. } = &mut own.verdict;
+                if let Some(marks) = marks {
+                    depth.finish(tests, cut, marks);
                 }
+            });
+        }
+        for FoundPage { id, page, verdict } in all {
+            let cut = verdict.cut;
+            out.stats.add(&cut.stats);
+            let is_empty = cut.nodes.is_empty()
+                && cut.strips.is_empty()
+                && cut.leaves.is_empty()
+                && cut.triangles.is_empty();
+            if !is_empty {
+                out.parts.push(PagePart { id, page, cut });
             }
         }
         out.wanted.sort_by(|a, b| {
@@ -195,24 +246,68 @@ impl PageCutSelector {
     }
 }
 
+/// A page in memory that is walked over.
+#[derive(Debug)]
+struct FoundPage {
+    id: u32,
+    page: Arc<DecodedPage>,
+    verdict: PageVerdict,
+}
+
+impl FoundPage {
+    fn new(id: u32, page: Arc<DecodedPage>) -> Self {
+        Self {
+            id,
+            page,
+            verdict: PageVerdict::default(),
+        }
+    }
+
+    /// How far its middle is along the view direction, as a number that orders.
+    fn distance_key(&self, view: &View) -> i64 {
+        let center = WholeSphere::of(&self.page.model).center;
+        let z = view.view_from_model.transform_point3(center).z;
+        // Floats that are not negative order like their bits.
+        let bits = i64::from(z.abs().to_bits());
+        if z > 0.0 { -bits } else { bits }
+    }
+}
+
 /// Cuts one page. Its leaves that are drawn are in the cut; those to be opened are named.
+///
+/// What is drawn of an upper page is replaced where pages below it are there, so that it hides nothing.
 fn look_at(
     selector: &mut CutSelector,
-    id: u32,
-    page: &DecodedPage,
+    own: &mut FoundPage,
     tests: PageTests<'_>,
-    verdict: &mut PageVerdict,
+    hiding: Option<(&SharedDepth, &PartTests<'_>)>,
 ) {
     let PageTests {
         view,
         settings,
         choose,
+        ..
     } = tests;
-    let PageVerdict { cut, open, large } = verdict;
-    choose(selector, id, page, cut);
+    let FoundPage { id, page, verdict } = own;
+    let PageVerdict {
+        cut,
+        marks,
+        open,
+        large,
+    } = verdict;
     let Some(below) = &page.children else {
+        if hiding.is_some_and(|(depth, tests)| depth.hides(tests, WholeSphere::of(&page.model))) {
+            return;
+        }
+        let hiding = hiding.map(|(depth, tests)| PageHiding {
+            depth,
+            tests,
+            marks: marks.insert(PartMarks::default()),
+        });
+        choose(selector, *id, page, cut, hiding);
         return;
     };
+    choose(selector, *id, page, cut, None);
     // The test of leaves is that of points, by one normal, which is not that of a whole page.
     cut.leaves.clear();
     cut.triangles.clear();
@@ -249,295 +344,4 @@ fn look_at(
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may panic")]
-mod tests {
-    use super::*;
-
-    use crate::mesh::Mesh;
-    use crate::pages::file::PagedFile;
-    use crate::pages::join::whole_model;
-    use crate::pages::page::DecodeOptions;
-    use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model, opened};
-    use crate::pages::write::{PagedOptions, to_bytes};
-    use crate::progress::Silent;
-    use crate::tree::{self, BuildOptions, Model};
-    use glam::Vec3;
-    use std::collections::{BTreeMap, BTreeSet};
-
-    const LARGE_PAGES: PagedOptions = PagedOptions {
-        page_leaves: 1024,
-        colors: None,
-    };
-
-    /// Levels that the first page shares with those below it.
-    fn shared_levels_of(file: &PagedFile) -> usize {
-        let top = file
-            .read_page(&file.root().unwrap(), in_space_of(file))
-            .unwrap();
-        top.children.unwrap().shared_levels
-    }
-
-    fn in_space_of(file: &PagedFile) -> DecodeOptions {
-        DecodeOptions {
-            moments: false,
-            model_origin: Some(file.origin()),
-        }
-    }
-
-    /// The cut of a file by the plain tests of a tree.
-    fn selected(
-        selector: &mut PageCutSelector,
-        file: &PagedFile,
-        pages: &KnownPages,
-        (view, settings): (&View, &CutSettings),
-    ) -> PagedCut {
-        let choose = |selector: &mut CutSelector, _: u32, page: &DecodedPage, cut: &mut Cut| {
-            selector.select(&page.model, view, settings, cut);
-        };
-        let tests = PageTests {
-            view,
-            settings,
-            choose: &choose,
-        };
-        selector.select(file.root(), pages, tests)
-    }
-
-    /// Pages in memory, and numbers in the joined model of the first node of each level and the first leaf.
-    struct KnownPages {
-        pages: BTreeMap<u32, Arc<DecodedPage>>,
-        places: BTreeMap<u32, (Vec<u32>, u32)>,
-    }
-
-    impl ResidentPages for KnownPages {
-        fn page(&self, id: u32) -> Option<Arc<DecodedPage>> {
-            self.pages.get(&id).cloned()
-        }
-    }
-
-    fn all_pages(file: &PagedFile, joined: &Model) -> KnownPages {
-        let mut known = KnownPages {
-            pages: BTreeMap::new(),
-            places: BTreeMap::new(),
-        };
-        let mut wanted = vec![file.root().unwrap()];
-        let (mut level, mut next_leaf) = (0, 0);
-        while !wanted.is_empty() {
-            let mut below = Vec::new();
-            let mut levels = 0;
-            let mut starts: Vec<u32> = joined.tree.level_starts[level..].to_vec();
-            for entry in wanted {
-                let page = file.read_page(&entry, in_space_of(file)).unwrap();
-                let tree = &page.model.tree;
-                let count = tree.level_count();
-                levels = count
-                    - page
-                        .children
-                        .as_ref()
-                        .map_or(0, |below| below.shared_levels);
-                known.places.insert(entry.id, (starts.clone(), next_leaf));
-                for (l, start) in starts.iter_mut().enumerate().take(count) {
-                    *start += tree.level(l).len() as u32;
-                }
-                // The leaves of an upper page are nodes of the model.
-                if page.children.is_some() {
-                    starts[count] += tree.leaf_count();
-                }
-                match &page.children {
-                    Some(children) => below.extend(children.entries.iter().copied()),
-                    None => next_leaf += page.model.tree.leaf_count(),
-                }
-                known.pages.insert(entry.id, Arc::new(page));
-            }
-            level += levels;
-            wanted = below;
-        }
-        known
-    }
-
-    /// Ids of the joined model that a cut over pages draws: nodes, leaves, triangles.
-    fn in_joined(cut: &PagedCut, known: &KnownPages, joined: &Model) -> [BTreeSet<u32>; 3] {
-        let mut out: [BTreeSet<u32>; 3] = Default::default();
-        for part in &cut.parts {
-            let tree = &part.page.model.tree;
-            let (starts, first_leaf) = &known.places[&part.id];
-            let strips = part.cut.strips.iter().map(|strip| strip.node);
-            for id in part.cut.nodes.iter().copied().chain(strips) {
-                let level = tree.level_of(id);
-                assert!(out[0].insert(starts[level] + id - tree.level(level).start));
-            }
-            for &leaf in &part.cut.leaves {
-                let is_new = match &part.page.children {
-                    // A node of the page below.
-                    Some(_) => out[0].insert(starts[tree.level_count()] + leaf),
-                    None => out[1].insert(first_leaf + leaf),
-                };
-                assert!(is_new);
-            }
-            out[2].extend(part.cut.triangles.iter().map(|t| first_leaf + t));
-        }
-        let _ = joined;
-        out
-    }
-
-    #[test]
-    fn over_all_pages_it_is_the_cut_of_the_whole_tree() {
-        // Small pages are leaves of the page above; large ones share two levels with it.
-        for (is_cloud, pages, shared) in [
-            (false, SMALL_PAGES, 0),
-            (true, SMALL_PAGES, 0),
-            (false, LARGE_PAGES, 2),
-            (true, LARGE_PAGES, 2),
-        ] {
-            let whole = model(GeneratedShape::Statue, 12_000, is_cloud);
-            let file = opened(to_bytes(&whole, &pages).unwrap()).unwrap();
-            assert_eq!(shared_levels_of(&file), shared);
-            let joined = whole_model(&file, &Silent).unwrap();
-            let known = all_pages(&file, &joined);
-            let mut selector = PageCutSelector::default();
-            for (fill, threshold_px, cull_back) in [
-                (1.0, 1.0, true),
-                (1.0, 8.0, true),
-                (6.0, 2.0, false),
-                (30.0, 1.0, true),
-                (0.05, 4.0, false),
-            ] {
-                let camera = joined.orbit_camera((640, 480), 0.7, 0.3, fill);
-                let settings = CutSettings {
-                    threshold_px,
-                    cull_back: cull_back && !is_cloud,
-                    ..CutSettings::default()
-                };
-                let view = camera.view(joined.origin).unwrap();
-                let found = selected(&mut selector, &file, &known, (&view, &settings));
-                assert!(found.wanted.is_empty());
-                let ids = in_joined(&found, &known, &joined);
-                let mut expected = Cut::default();
-                CutSelector::default().select(&joined, &view, &settings, &mut expected);
-                let strips = expected.strips.iter().map(|strip| strip.node);
-                let lists = [
-                    expected
-                        .nodes
-                        .iter()
-                        .copied()
-                        .chain(strips)
-                        .collect::<BTreeSet<u32>>(),
-                    expected.leaves.into_iter().collect(),
-                    expected.triangles.into_iter().collect(),
-                ];
-                // Pages have zeros of their own: what is at a limit may be rounded to the other side.
-                let count: usize = lists.iter().map(BTreeSet::len).sum();
-                let off: usize = ids
-                    .iter()
-                    .zip(&lists)
-                    .map(|(a, b)| a.symmetric_difference(b).count())
-                    .sum();
-                if fill < 0.1 {
-                    // Far off all is in the upper pages, in which rows of splats are as short as in small trees: what is a
-                    // row in the whole tree may be some nodes below it here.
-                    let own: usize = ids.iter().map(BTreeSet::len).sum();
-                    assert!(own >= count / 2 && own <= count * 2, "{own} of {count}");
-                    continue;
-                }
-                assert!(
-                    off <= count / 500 + 4,
-                    "{fill} {threshold_px}: {off} of {count}"
-                );
-                assert!(count > 0);
-            }
-        }
-    }
-
-    /// Points on a line, each gap larger than the one before: of nodes with as many points some are ten times as wide as their
-    /// siblings, so that pages are opened some of whose first nodes are small enough.
-    #[test]
-    fn whatever_the_density_every_leaf_is_drawn_once() {
-        let at = |i: i32| 1.006f32.powi(i);
-        let mesh = Mesh {
-            positions: (0..2100)
-                .map(|i| Vec3::new(at(i), 0.1 * at(i), 0.0))
-                .collect(),
-            ..Mesh::default()
-        };
-        let whole = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
-        let file = opened(to_bytes(&whole, &LARGE_PAGES).unwrap()).unwrap();
-        assert_eq!(shared_levels_of(&file), 2);
-        let joined = whole_model(&file, &Silent).unwrap();
-        let known = all_pages(&file, &joined);
-        let camera = joined.orbit_camera((640, 480), 0.2, 0.1, 0.5);
-        let view = camera.view(joined.origin).unwrap();
-        let mut counts = BTreeSet::new();
-        for step in 0..40 {
-            let settings = CutSettings {
-                threshold_px: 0.5 * 1.2f32.powi(step),
-                cull_back: false,
-                ..CutSettings::default()
-            };
-            let mut selector = PageCutSelector::default();
-            let found = selected(&mut selector, &file, &known, (&view, &settings));
-            let ids = in_joined(&found, &known, &joined);
-            let mut covered = BTreeSet::new();
-            for &id in &ids[0] {
-                let leaves = joined.tree.leaf_range(id);
-                leaves.for_each(|leaf| assert!(covered.insert(leaf), "{step}"));
-            }
-            for &leaf in ids[1].iter().chain(&ids[2]) {
-                assert!(covered.insert(leaf), "{step}");
-            }
-            assert_eq!(covered.len(), 2100, "{step}");
-            counts.insert(found.parts.len());
-        }
-        assert!(counts.len() > 2, "{counts:?}");
-    }
-
-    #[test]
-    fn what_is_missing_is_drawn_coarser_and_wanted_largest_first() {
-        for (pages, least) in [(SMALL_PAGES, 20), (LARGE_PAGES, 8)] {
-            refined_page_by_page(&pages, least);
-        }
-    }
-
-    fn refined_page_by_page(pages: &PagedOptions, least: usize) {
-        let whole = model(GeneratedShape::Torus, 12_000, false);
-        let file = opened(to_bytes(&whole, pages).unwrap()).unwrap();
-        let joined = whole_model(&file, &Silent).unwrap();
-        let all = all_pages(&file, &joined);
-        let mut known = KnownPages {
-            pages: BTreeMap::new(),
-            places: all.places.clone(),
-        };
-        let camera = joined.orbit_camera((640, 480), 0.7, 0.3, 2.0);
-        let settings = CutSettings::default();
-        let mut selector = PageCutSelector::default();
-        let mut rounds = 0;
-        loop {
-            let view = camera.view(joined.origin).unwrap();
-            let found = selected(&mut selector, &file, &known, (&view, &settings));
-            // Every leaf of the model that is in view is below exactly one id: no two ids overlap.
-            let ids = in_joined(&found, &all, &joined);
-            let mut covered = BTreeSet::new();
-            for &id in &ids[0] {
-                joined
-                    .tree
-                    .leaf_range(id)
-                    .for_each(|leaf| assert!(covered.insert(leaf)));
-            }
-            for &leaf in ids[1].iter().chain(&ids[2]) {
-                assert!(covered.insert(leaf));
-            }
-            let sizes: Vec<f32> = found.wanted.iter().map(|wanted| wanted.size_px).collect();
-            assert!(sizes.windows(2).all(|w| w[0] >= w[1]));
-            assert!(found.needed.windows(2).all(|w| w[0] < w[1]));
-            let Some(next) = found.wanted.first() else {
-                break;
-            };
-            if rounds > 0 {
-                assert!(!covered.is_empty());
-            }
-            known
-                .pages
-                .insert(next.entry.id, all.pages[&next.entry.id].clone());
-            rounds += 1;
-        }
-        assert!(rounds > least && rounds <= all.pages.len(), "{rounds}");
-    }
-}
+mod tests;

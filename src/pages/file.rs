@@ -130,36 +130,90 @@ impl PagedFile {
         entry: &PageEntry,
         options: DecodeOptions,
     ) -> Result<DecodedPage, PageError> {
-        let damaged = |at: u64, cause: String| PageError::Damaged {
+        self.check_place(entry)?;
+        let bytes = self.read_range(entry.offset, entry.end())?;
+        self.decode_page(entry, &bytes, options)
+    }
+
+    /// Reads pages that lie in the file one after the other, gaps between them included, by one read of the source, and decodes
+    /// each.
+    pub fn read_neighbors(
+        &self,
+        entries: &[PageEntry],
+        options: DecodeOptions,
+    ) -> Vec<Result<DecodedPage, PageError>> {
+        let is_sound = entries.iter().all(|entry| self.check_place(entry).is_ok())
+            && entries.windows(2).all(|two| two[0].end() <= two[1].offset);
+        let (Some(first), Some(last), true) = (entries.first(), entries.last(), is_sound) else {
+            return entries
+                .iter()
+                .map(|entry| self.read_page(entry, options))
+                .collect();
+        };
+        let start = first.offset;
+        match self.read_range(start, last.end()) {
+            Ok(bytes) => {
+                let of_page = |entry: &PageEntry| {
+                    let own = (entry.offset - start) as usize..(entry.end() - start) as usize;
+                    self.decode_page(entry, &bytes[own], options)
+                };
+                entries.iter().map(of_page).collect()
+            }
+            Err(error) => entries.iter().map(|_| Err(error.clone())).collect(),
+        }
+    }
+
+    /// Checks that the file has a page's bytes, before memory is asked for.
+    fn check_place(&self, entry: &PageEntry) -> Result<(), PageError> {
+        let is_there = entry.bytes <= LARGEST_PAGE
+            && entry.offset >= HEADER as u64
+            && entry.end() <= self.header.file_length
+            && u64::from(entry.id) < self.header.page_count;
+        match is_there {
+            true => Ok(()),
+            false => Err(self.damaged_page(
+                entry,
+                0,
+                format!("{} bytes, which the file does not have", entry.bytes),
+            )),
+        }
+    }
+
+    fn damaged_page(&self, entry: &PageEntry, at: u64, cause: String) -> PageError {
+        PageError::Damaged {
             name: self.name().to_owned(),
             page: Some(entry.id),
             offset: entry.offset.saturating_add(at),
             cause,
-        };
-        let end = entry.end();
-        if entry.bytes > LARGEST_PAGE
-            || entry.offset < HEADER as u64
-            || end > self.header.file_length
-            || u64::from(entry.id) >= self.header.page_count
-        {
-            return Err(damaged(
-                0,
-                format!("{} bytes, which the file does not have", entry.bytes),
-            ));
         }
-        let mut bytes = vec![0; entry.bytes as usize];
-        self.source
-            .read_at(entry.offset, &mut bytes)
-            .map_err(|error| PageError::Io {
+    }
+
+    fn read_range(&self, offset: u64, end: u64) -> Result<Vec<u8>, PageError> {
+        let mut bytes = vec![0; (end - offset) as usize];
+        match self.source.read_at(offset, &mut bytes) {
+            Ok(()) => Ok(bytes),
+            Err(error) => Err(PageError::Io {
                 name: self.name().to_owned(),
-                offset: entry.offset,
+                offset,
                 end,
                 cause: error.to_string(),
-            })?;
-        if hash(&bytes) != entry.checksum {
+            }),
+        }
+    }
+
+    /// Decodes the bytes of a page.
+    fn decode_page(
+        &self,
+        entry: &PageEntry,
+        bytes: &[u8],
+        options: DecodeOptions,
+    ) -> Result<DecodedPage, PageError> {
+        let damaged = |at: u64, cause: String| self.damaged_page(entry, at, cause);
+        let end = entry.end();
+        if hash(bytes) != entry.checksum {
             return Err(damaged(0, "the checksum is wrong".to_owned()));
         }
-        let mut page = decode(&bytes, self.origin(), options)
+        let mut page = decode(bytes, self.origin(), options)
             .map_err(|(at, cause)| damaged(at as u64, cause))?;
         if let Some(below) = &page.children {
             let (first, last) = (below.entries.first(), below.entries.last());

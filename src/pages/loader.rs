@@ -2,6 +2,7 @@
 
 use super::cut::WantedPage;
 use super::file::PagedFile;
+use super::format::{PageEntry, PageError};
 use super::page::{DecodeOptions, DecodedPage};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -85,6 +86,80 @@ impl LoaderState {
     }
 }
 
+/// Pages of a network that lie so near each other in the file are read by one request, bytes between them; and bytes of such a
+/// request at most.
+const LARGEST_GAP: u64 = 64 << 10;
+const LARGEST_REQUEST: u64 = 256 << 10;
+
+impl LoaderState {
+    /// Notes what came of reading a page.
+    fn end_read(
+        &mut self,
+        wanted: WantedPage,
+        result: Result<DecodedPage, PageError>,
+        options: &LoaderOptions,
+    ) {
+        let id = wanted.entry.id;
+        self.reading.remove(&id);
+        match result {
+            Ok(page) => {
+                self.failed.remove(&id);
+                let page = Arc::new(page);
+                self.done.push(LoadedPage { id, page });
+            }
+            Err(error) => {
+                let attempts = self.failed.get(&id).map_or(0, |failed| failed.attempts);
+                // Said once, however often it fails, and whatever else was read with it.
+                let message = error.to_string();
+                if attempts == 0 && !self.messages.contains(&message) {
+                    self.messages.push(message);
+                }
+                let pause = options.first_pause * 2u32.saturating_pow(attempts.min(20));
+                let failed = FailedPage {
+                    attempts: attempts + 1,
+                    again: Instant::now() + pause.min(options.longest_pause),
+                };
+                self.failed.insert(id, failed);
+                // Still wanted, as far as anybody knows.
+                if !self.queue.iter().any(|other| other.entry.id == id) {
+                    self.queue.insert(0, wanted);
+                }
+            }
+        }
+    }
+
+    /// Takes pages from the queue that lie right before or behind a page, so that all are one request; in the order of the file.
+    fn with_neighbors(&mut self, wanted: WantedPage) -> Vec<WantedPage> {
+        let mut all = vec![wanted];
+        let (mut start, mut end) = (wanted.entry.offset, wanted.entry.end());
+        let mut places: BTreeMap<u64, WantedPage> = BTreeMap::new();
+        for own in &self.queue {
+            let is_near = own.entry.end() + LARGEST_REQUEST > start
+                && own.entry.offset < end + LARGEST_REQUEST;
+            if is_near && !self.failed.contains_key(&own.entry.id) {
+                places.insert(own.entry.offset, *own);
+            }
+        }
+        while let Some((_, next)) = places.range(end..).next()
+            && next.entry.offset - end <= LARGEST_GAP
+            && next.entry.end() - start <= LARGEST_REQUEST
+        {
+            end = next.entry.end();
+            all.push(*next);
+        }
+        while let Some((_, next)) = places.range(..start).next_back()
+            && start.saturating_sub(next.entry.end()) <= LARGEST_GAP
+            && end - next.entry.offset <= LARGEST_REQUEST
+        {
+            start = next.entry.offset;
+            all.insert(0, *next);
+        }
+        let taken: BTreeSet<u32> = all.iter().map(|own| own.entry.id).collect();
+        self.queue.retain(|own| !taken.contains(&own.entry.id));
+        all
+    }
+}
+
 #[derive(Debug)]
 struct SharedLoader {
     file: PagedFile,
@@ -115,35 +190,17 @@ impl SharedLoader {
                     continue;
                 }
             };
-            let id = wanted.entry.id;
-            state.reading.insert(id);
+            let all = match self.file.parallel_reads() {
+                0 | 1 => vec![wanted],
+                _ => state.with_neighbors(wanted),
+            };
+            let entries: Vec<PageEntry> = all.iter().map(|own| own.entry).collect();
+            state.reading.extend(entries.iter().map(|entry| entry.id));
             drop(state);
-            let result = self.file.read_page(&wanted.entry, self.options.decode);
+            let results = self.file.read_neighbors(&entries, self.options.decode);
             state = self.state();
-            state.reading.remove(&id);
-            match result {
-                Ok(page) => {
-                    state.failed.remove(&id);
-                    let page = Arc::new(page);
-                    state.done.push(LoadedPage { id, page });
-                }
-                Err(error) => {
-                    let attempts = state.failed.get(&id).map_or(0, |failed| failed.attempts);
-                    // Said once, however often it fails.
-                    if attempts == 0 {
-                        state.messages.push(error.to_string());
-                    }
-                    let pause = self.options.first_pause * 2u32.saturating_pow(attempts.min(20));
-                    let failed = FailedPage {
-                        attempts: attempts + 1,
-                        again: Instant::now() + pause.min(self.options.longest_pause),
-                    };
-                    state.failed.insert(id, failed);
-                    // Still wanted, as far as anybody knows.
-                    if !state.queue.iter().any(|other| other.entry.id == id) {
-                        state.queue.insert(0, wanted);
-                    }
-                }
+            for (wanted, result) in all.into_iter().zip(results) {
+                state.end_read(wanted, result, &self.options);
             }
             self.changed.notify_all();
         }
@@ -254,7 +311,7 @@ impl Drop for PageLoader {
 mod tests {
     use super::*;
 
-    use crate::pages::format::{HEADER, PageEntry};
+    use crate::pages::format::HEADER;
     use crate::pages::source::{ByteSource, MemorySource};
     use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model};
     use crate::pages::write::to_bytes;

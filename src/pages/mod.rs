@@ -25,6 +25,8 @@ pub mod page;
 mod page_tops;
 pub mod qs;
 pub mod quantize;
+#[cfg(feature = "remote")]
+pub mod serve;
 pub mod source;
 mod upper;
 pub mod write;

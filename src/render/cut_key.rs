@@ -118,6 +118,20 @@ impl CutKey {
         self.seen.is_some_and(|seen| seen.hides)
     }
 
+    /// What splats are taken for where those that are hidden are left out.
+    pub(crate) fn hiding(&self) -> Option<cut::SplatFootprints> {
+        self.seen.filter(|seen| seen.hides)
+    }
+
+    /// The same where nothing that is hidden is left out.
+    pub(crate) fn without_hiding(&self) -> Self {
+        let seen = self.seen.map(|seen| cut::SplatFootprints {
+            hides: false,
+            ..seen
+        });
+        Self { seen, ..*self }
+    }
+
     /// Chooses the cut.
     pub(crate) fn select<'a>(
         &self,

@@ -5,6 +5,7 @@ mod cpu_pictures;
 mod looked;
 mod patches;
 mod photos;
+mod samples;
 mod smooth;
 
 use crate::gpu::frame::FrameMeasure;
@@ -31,6 +32,13 @@ use crate::render::{Path, Settings};
 use crate::tree::Model;
 pub use smooth::smooth_threshold;
 use std::sync::Arc;
+
+/// Outputs of samples: values, so that only their mean is rounded.
+const VALUES: PictureOutputs = PictureOutputs {
+    depth: false,
+    normal: false,
+    values: true,
+};
 
 /// Where pictures are made.
 #[derive(Debug, Clone)]
@@ -436,10 +444,21 @@ impl<'m> Engine<'m> {
         if settings.draws_visibility() {
             return self.render(view, settings);
         }
-        let values = PictureOutputs {
-            values: true,
-            ..PictureOutputs::default()
+        let size = match &self.cpu {
+            Some(cpu) => cpu.pictures.renderer.size(),
+            None => [view.width, view.height],
         };
+        self.sample_at(view, settings, size)
+    }
+
+    /// The same, where the processor draws pictures of another size.
+    fn sample_at(
+        &mut self,
+        view: &View,
+        settings: &Settings,
+        size: [u32; 2],
+    ) -> Result<Image, Error> {
+        let values = VALUES;
         if self.device.is_none() {
             check(settings, values, f32::INFINITY)?;
         }
@@ -456,10 +475,11 @@ impl<'m> Engine<'m> {
             &mut self.reference,
         ) {
             (FrameBackend::Cpu, Some(cpu), ..) => {
-                let size = cpu.pictures.renderer.size();
+                let old = cpu.samples.take();
+                let old = old.filter(|own| own.renderer.size() == size);
                 let samples = cpu
                     .samples
-                    .get_or_insert_with(|| CpuPictures::new(size, values));
+                    .insert(old.unwrap_or_else(|| CpuPictures::new(size, values)));
                 samples.draw(parts, view, settings, self.photos.as_deref())?;
                 Ok(samples.read(view))
             }
@@ -490,17 +510,15 @@ impl<'m> Engine<'m> {
         k: u32,
     ) -> Result<FloatImage, Error> {
         let mut mean = Accumulator::new();
-        for i in 0..k * k {
-            let view = jittered(view, i, k);
-            let image = if k > 1 {
-                self.sample(&view, settings)?
-            } else {
-                self.render(&view, settings)?
-            };
-            // Every picture has the size of the view, which is all that can go wrong.
-            if let Err(error) = mean.add(&image) {
+        // Every picture has the size of the view, which is all that can go wrong.
+        let mut add = |image: &Image| {
+            if let Err(error) = mean.add(image) {
                 unreachable!("pictures of one view: {error}");
             }
+        };
+        match k {
+            0 | 1 => add(&self.render(&jittered(view, 0, k), settings)?),
+            _ => self.samples(view, settings, k, |_, image| add(image))?,
         }
         Ok(mean.mean())
     }

@@ -4,17 +4,17 @@
 //! (`src/pages/cut.rs`) and tells the loader which pages would make the picture finer. What is not there yet is drawn as the
 //! node that stands for it, so nothing is missing, only coarser.
 
-use crate::cut::{Cut, CutSelector};
+use crate::cut::{Cut, CutSelector, WholeSphere};
 use crate::gpu::Error;
 use crate::math::camera::View;
 use crate::pages::cache::PageCache;
-use crate::pages::cut::{PageCutSelector, PageTests, PagedCut};
+use crate::pages::cut::{PageCutSelector, PageHiding, PageTests, PagedCut};
 use crate::pages::file::PagedFile;
-use crate::pages::format::PageError;
+use crate::pages::format::{PageEntry, PageError};
 use crate::pages::loader::{LoaderOptions, PageLoader};
 use crate::pages::page::{DecodeOptions, DecodedPage};
 use crate::progress::Progress;
-use crate::render::cut_key::{CutKey, cut_settings};
+use crate::render::cut_key::{CutKey, LARGEST_HIDDEN_PX, cut_settings};
 use crate::render::frame_plan::resolved;
 use crate::render::model_facts::{DrawnFacts, FactedModel, ModelFacts};
 use crate::render::{Culling, Occlusion, Settings};
@@ -22,7 +22,7 @@ use crate::tree::{Model, ModelKind, Node};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How a paged file is drawn.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +33,30 @@ pub struct PagedModelOptions {
     pub threads: usize,
     /// World position of the zero of the space in which it is drawn; `None` for that of the file.
     pub origin: Option<DVec3>,
+    /// The first part of the file, of which pages are read; `None` for all. The first page always is.
+    pub prefix: Option<FilePrefix>,
+    /// How long [`PagedModel::load`] waits for pages, from the time at which the file was opened on; `None` for as long as it
+    /// takes. It always waits for the first page.
+    pub longest_wait: Option<Duration>,
+}
+
+/// The first part of a file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FilePrefix {
+    /// So many bytes.
+    Bytes(u64),
+    /// This part of its bytes, 0 to 1.
+    Part(f64),
+}
+
+impl FilePrefix {
+    /// Bytes of it in a file of this length.
+    pub fn bytes(self, length: u64) -> u64 {
+        match self {
+            Self::Bytes(bytes) => bytes.min(length),
+            Self::Part(part) => (part.clamp(0.0, 1.0) * length as f64) as u64,
+        }
+    }
 }
 
 impl Default for PagedModelOptions {
@@ -42,6 +66,8 @@ impl Default for PagedModelOptions {
             memory_bytes: 1 << 30,
             threads: 2,
             origin: None,
+            prefix: None,
+            longest_wait: None,
         }
     }
 }
@@ -86,6 +112,9 @@ pub struct PagedModel {
     changes: u64,
     /// Pages that are wanted do not fit beside those that the picture needs.
     is_full: bool,
+    /// Past the last byte of the pages that may be read.
+    end: u64,
+    opened: Instant,
 }
 
 impl PagedModel {
@@ -121,6 +150,11 @@ impl PagedModel {
             })?;
         Ok(Self {
             has_colors: file.has_colors(),
+            end: match options.prefix {
+                Some(prefix) => prefix.bytes(file.header().file_length),
+                None => u64::MAX,
+            },
+            opened: Instant::now(),
             file,
             options,
             stand_in,
@@ -160,6 +194,11 @@ impl PagedModel {
         &self.stand_in
     }
 
+    /// Facts of the whole file, on which frames rest.
+    pub(crate) fn drawn_facts(&self) -> DrawnFacts {
+        self.facts
+    }
+
     /// Bytes of the pages in memory.
     pub fn resident_bytes(&self) -> u64 {
         self.cache.bytes()
@@ -190,8 +229,8 @@ impl PagedModel {
 
     /// Readies the parts of a frame, and gives the settings that it is drawn with.
     ///
-    /// Nothing is left out because parts hide one another: occlusion culling goes over one model alone. Where a closed surface
-    /// surrounds the eye, faces that face away are drawn, as of whole models.
+    /// Leaf pages that are in memory hide each other. Where a closed surface surrounds the eye, faces that face away are drawn,
+    /// as of whole models.
     ///
     /// # Errors
     /// [`Error::Unsupported`] of methods that draw all of a model: not all of it is in memory.
@@ -202,15 +241,16 @@ impl PagedModel {
                 why: "only the pages that the view needs are in memory; leave --method out, or use --method pop".into(),
             });
         }
-        let settings = Settings {
-            occlusion: Occlusion::Off,
-            ..*settings
-        };
+        let settings = *settings;
         self.take_pages();
         let is_inside = |view: &View| {
             view.is_perspective && self.facts.is_closed && surrounds(&self.stand_in, view.eye)
         };
         let mut drawn_with = resolved(&settings, &self.facts, view, is_inside);
+        if drawn_with.occlusion == Occlusion::Auto && drawn_with.threshold_px > LARGEST_HIDDEN_PX[2]
+        {
+            drawn_with.occlusion = Occlusion::Off;
+        }
         if drawn_with.culling != Culling::Off {
             drawn_with.culling = settings.culling;
         }
@@ -269,25 +309,41 @@ impl PagedModel {
         self.generation += 1;
         let cut_settings = cut_settings(settings, self.facts);
         let known = &self.known;
-        let choose = |selector: &mut CutSelector, id: u32, page: &DecodedPage, cut: &mut Cut| {
+        let alone = key.without_hiding();
+        let choose = |selector: &mut CutSelector,
+                      id: u32,
+                      page: &DecodedPage,
+                      cut: &mut Cut,
+                      hiding: Option<PageHiding<'_>>| {
             let own = known.get(&id);
             let Some(own) = own else { return };
-            key.select(
-                selector,
-                &page.model,
-                || own.facts.undrawn(&page.model),
-                cut,
-            );
+            let undrawn = || own.facts.undrawn(&page.model);
+            match hiding {
+                Some(PageHiding {
+                    depth,
+                    tests,
+                    marks,
+                }) => {
+                    let depth = (depth, undrawn());
+                    selector.select_part(&page.model, tests, depth, (cut, marks));
+                }
+                None => alone.select(selector, &page.model, undrawn, cut),
+            }
         };
+        let whole = WholeSphere::of(&self.stand_in);
         let tests = PageTests {
             view: key.view(),
             settings: &cut_settings,
             choose: &choose,
+            hides: key.hiding().map(|footprints| (footprints, whole)),
         };
         self.cut = self.selector.select(self.file.root(), &self.cache, tests);
         self.cache.begin_frame(&self.cut.needed);
         // What stands for pages that are missing has its own sizes.
         let is_coarse = !self.cut.wanted.is_empty();
+        let (end, root) = (self.end, self.file.root().map(|root| root.id));
+        let may_be_read = |entry: &PageEntry| entry.end() <= end || Some(entry.id) == root;
+        self.cut.wanted.retain(|wanted| may_be_read(&wanted.entry));
         self.cut.parts.retain(|part| known.contains_key(&part.id));
         let facts_of = |id: &u32| {
             let own = known.get(id)?;
@@ -325,6 +381,12 @@ impl PagedModel {
         self.generation
     }
 
+    /// Whether it was waited as long as is allowed, and the first page is there.
+    fn is_late(&self) -> bool {
+        let longest = self.options.longest_wait;
+        !self.cache.is_empty() && longest.is_some_and(|longest| self.opened.elapsed() >= longest)
+    }
+
     /// Loads what the picture of a view needs, as far as memory allows, and gives a message for each page that failed: what
     /// stands for it is drawn instead. Ends early where `progress` is cancelled. All pages that a cut wants are read before
     /// the next is chosen: as many cuts as the file has pages one above another.
@@ -343,11 +405,15 @@ impl PagedModel {
             self.prepare(view, settings)?;
             messages.append(&mut self.loader.messages());
             let is_stuck = self.loader.is_stuck() && !self.loader.has_pages();
-            if self.wanted_pages() == 0 || is_stuck || progress.is_cancelled() {
+            let is_late = self.is_late();
+            if is_late {
+                self.loader.want(&[]);
+            }
+            if self.wanted_pages() == 0 || is_stuck || is_late || progress.is_cancelled() {
                 return Ok(messages);
             }
             while self.loader.pending() > 0 && !self.loader.is_stuck() && !self.is_full {
-                if progress.is_cancelled() {
+                if progress.is_cancelled() || self.is_late() {
                     break;
                 }
                 self.loader.wait(Duration::from_millis(50));

@@ -13,6 +13,7 @@ use crate::cut::occlusion::splat_batch::low_bits;
 use crate::cut::siblings::SphereLanes;
 use crate::simd::{FloatLanes, WideLanes};
 use fearless_simd::prelude::*;
+use glam::Vec4;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Smaller nodes are not looked at, radius in pixels: they have few splats, and to look takes as long as to visit two nodes.
@@ -85,6 +86,49 @@ impl OcclusionTest<'_> {
             let own = (row * width + left) as usize..(row * width + right) as usize;
             pixels.get(own).is_some_and(|own| own.iter().all(is_nearer))
         })
+    }
+
+    /// Whether all is hidden that is drawn of what lies in a ball of any size. A ball of radius r, seen at a distance of 1 at the
+    /// tangent a from the middle, reaches r sqrt(1 + a²) / (1 - r²) to each side, from a middle that is a / (1 - r²) off.
+    pub(in crate::cut) fn is_ball_hidden(&self, ball: &SphereLanes<Vec4>) -> bool {
+        let [x, y] = self.centers.along(ball.center).map(|place| place.x);
+        let (depth, radius) = (ball.depth.x, ball.radius.x);
+        let nearest = (depth - radius) * NEARER;
+        let (inverse, error) = if self.is_perspective {
+            let error = nearest * nearest * self.depth_error + self.distance_error;
+            (1.0 / depth, error)
+        } else {
+            (1.0, self.depth_error + self.distance_error)
+        };
+        let asked = nearest - self.near - error * WIDER;
+        let off = inverse * self.centers.place_error + self.centers.snap_px;
+        let ends = [x, y].map(|place| {
+            let (place, r) = (place * inverse, radius * inverse);
+            if !self.is_perspective {
+                return [place - r, place + r];
+            }
+            let farther = 1.0 / (1.0 - r * r);
+            let reach = r * (1.0 + place * place).sqrt() * farther * WIDER;
+            [place * farther - reach, place * farther + reach]
+        });
+        let is_known = asked > 0.0 && (radius * inverse < 0.5 || !self.is_perspective);
+        if !is_known || !self.footprints.hides {
+            return false;
+        }
+        // Splats are around what is in it, and may be rounded up to whole pixels.
+        let beside = off + self.outer_px + 1.0 + WIDER_PX;
+        let pixels = |axis: usize| {
+            let own =
+                ends[axis].map(|end| end * self.centers.focal[axis] + self.centers.middle[axis]);
+            let (low, high) = (own[0].min(own[1]) - beside, own[0].max(own[1]) + beside);
+            let most = self.size[axis];
+            [
+                low.floor().clamp(0.0, most) as u32,
+                high.ceil().clamp(0.0, most) as u32,
+            ]
+        };
+        let ([left, right], [top, bottom]) = (pixels(0), pixels(1));
+        self.are_nearer([left, right, top, bottom], asked.to_bits())
     }
 
     /// Where all is that lies in balls, and a splat of a pixel around any point of them, or a triangle of such points.

@@ -2,7 +2,7 @@
 
 use super::Engine;
 use crate::gpu::Error;
-use crate::image::{Accumulator, EVEN_SAMPLES, FloatImage, evenly, mean_difference};
+use crate::image::{Accumulator, EVEN_SAMPLES, FloatImage, Image, evenly, mean_difference};
 use crate::math::camera::View;
 use crate::render::{Method, Settings, SplatKind};
 
@@ -17,7 +17,8 @@ pub fn smooth_threshold(settings: &Settings, is_surface: bool) -> Option<f32> {
     (has_squares && is_surface).then_some(SMOOTH_THRESHOLD_PX)
 }
 
-/// Side of the grid of samples in each pixel that [`Engine::smooth`] draws where few are not enough.
+/// Sides of the grids of samples in each pixel: of 16 samples of paged files, and where 16 are not enough.
+const LEAST_SIDE: u32 = 4;
 const MOST_SIDE: u32 = 8;
 
 /// Mean difference of covered pixels between two halves of the samples above which more are drawn, 1 is white. Their mean is
@@ -32,11 +33,20 @@ impl Engine<'_> {
     /// As [`Engine::render`].
     pub fn smooth(&mut self, view: &View, settings: &Settings) -> Result<FloatImage, Error> {
         let mut halves = [Accumulator::new(), Accumulator::new()];
-        for i in 0..EVEN_SAMPLES {
-            let image = self.sample(&evenly(view, i), settings)?;
-            let half = &mut halves[(i.count_ones() % 2) as usize];
-            if let Err(error) = half.add(&image) {
+        let mut add = |half: u32, image: &Image| {
+            if let Err(error) = halves[(half % 2) as usize].add(image) {
                 unreachable!("pictures of one view: {error}");
+            }
+        };
+        // Pixels of a larger picture lie on a grid.
+        if self.factor_of_samples(view, settings, LEAST_SIDE) > 1 {
+            let row = |i: u32| i / LEAST_SIDE;
+            self.samples(view, settings, LEAST_SIDE, |i, image| {
+                add(i + row(i), image)
+            })?;
+        } else {
+            for i in 0..EVEN_SAMPLES {
+                add(i.count_ones(), &self.sample(&evenly(view, i), settings)?);
             }
         }
         let [mut all, other] = halves;
