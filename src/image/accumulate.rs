@@ -193,17 +193,17 @@ mod tests {
         };
         for of in [
             |[x, _]: [usize; 2]| [x, 0],
-            |[_, y]| [0, y],
-            |[x, y]| [x / 4, y / 4],
+            |[_, y]: [usize; 2]| [0, y],
+            |[x, y]: [usize; 2]| [x / 4, y / 4],
         ] {
             assert_eq!(keys(of, |_| true), 16);
         }
         // Halves: columns and rows two wide, cells of 2 x 4 and 4 x 2.
         for of in [
             |[x, _]: [usize; 2]| [x / 2, 0],
-            |[_, y]| [0, y / 2],
-            |[x, y]| [x / 8, y / 4],
-            |[x, y]| [x / 4, y / 8],
+            |[_, y]: [usize; 2]| [0, y / 2],
+            |[x, y]: [usize; 2]| [x / 8, y / 4],
+            |[x, y]: [usize; 2]| [x / 4, y / 8],
         ] {
             assert_eq!(keys(of, |i| i.count_ones() % 2 == 0), 8);
             assert_eq!(keys(of, |i| i.count_ones() % 2 == 1), 8);
