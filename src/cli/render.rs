@@ -9,7 +9,7 @@ use super::look::LookArgs;
 use super::mark_args::MarkArgs;
 use super::photo_args::{PhotoArgs, StagedScene, camera_of};
 use super::progress::{Bar, is_interrupted};
-use super::rendered_picture::RenderedPicture;
+use super::rendered_picture::{RenderedPicture, numbered};
 use super::source::{ColorArgs, PageArgs, Source, parse_wait};
 use super::{Failure, Outcome, print_bytes, say, usage, write_text};
 use clap::Args as ClapArgs;
@@ -240,18 +240,6 @@ pub(crate) fn require_ending(option: &str, path: Option<&PathBuf>, allowed: &[&s
         ))),
         _ => Ok(()),
     }
-}
-
-/// `turn.png` of frame 7 is `turn-007.png` when there are several frames.
-fn numbered(path: &Path, frame: u32, frames: u32) -> PathBuf {
-    if frames <= 1 {
-        return path.to_owned();
-    }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let extension = path.extension().unwrap_or_default().to_string_lossy();
-    // Wide enough for all of them, so that names sort like frames.
-    let digits = (frames - 1).to_string().len().max(3);
-    path.with_file_name(format!("{stem}-{frame:0digits$}.{extension}"))
 }
 
 impl Args {
@@ -587,22 +575,4 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         write_text(path, &(text + "\n"))?;
     }
     validated(&backend)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn frames_are_numbered_only_when_there_are_several() {
-        assert_eq!(
-            numbered(Path::new("a/turn.png"), 7, 36),
-            Path::new("a/turn-007.png")
-        );
-        assert_eq!(
-            numbered(Path::new("turn.PNG"), 7, 2000),
-            Path::new("turn-0007.PNG")
-        );
-        assert_eq!(numbered(Path::new("one.exr"), 0, 1), Path::new("one.exr"));
-    }
 }
