@@ -6,7 +6,7 @@
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -23,6 +23,8 @@ const MOST_CONNECTIONS: usize = 256;
 
 /// A connection that asks nothing for so long is closed.
 const IDLE: Duration = Duration::from_secs(120);
+/// How long the rest of a request that was refused is read.
+const LINGER: Duration = Duration::from_millis(500);
 
 /// Bytes that are sent at once: a slow line is shared by pieces of this size.
 const PIECE: usize = 16 << 10;
@@ -190,6 +192,10 @@ impl SharedServer {
                 }
                 Err(status) => {
                     self.say(stream, status, "", false)?;
+                    // Closed with bytes unread, a connection is reset, and the answer may be lost.
+                    stream.shutdown(Shutdown::Write)?;
+                    stream.set_read_timeout(Some(LINGER))?;
+                    io::copy(&mut lines.take(LARGEST_HEAD), &mut io::sink())?;
                     break;
                 }
             }
