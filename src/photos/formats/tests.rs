@@ -38,7 +38,11 @@ fn centered() -> [CalibratedCamera; 2] {
 }
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
+    folder_in(&std::env::temp_dir())
+}
+
+fn folder_in(above: &Path) -> tempfile::TempDir {
+    let folder = tempfile::tempdir_in(above).unwrap();
     for name in ["a.png", "b.png"] {
         save_photo(&folder.path().join(name), SIZE);
     }
@@ -99,7 +103,9 @@ fn bundle(cameras: &[(f64, CalibratedCamera)], points: &str, count: usize) -> St
 
 #[test]
 fn bundler_looks_along_minus_z_and_leaves_out_what_is_not_registered() {
-    let folder = folder();
+    // Lists are looked for in the folder above too, where anything may lie.
+    let above = tempfile::tempdir().unwrap();
+    let folder = folder_in(above.path());
     let [a, b] = centered();
     let cameras = [(70.0, a), (0.0, a), (70.0, b)];
     // Seen by cameras 1 (not registered) and 2, 3 right and 4 above the middle.
