@@ -249,7 +249,7 @@ fn describe(place: &BenchPlace, found: &[FoundThreshold], figures: &mut Vec<Benc
     }
 }
 
-/// How much faster a way to draw is than a rival, with a threshold or tolerances at which it is as close to the reference.
+/// Factor by which a way to draw is faster than a rival, with a threshold or tolerances at which it is as close to the reference.
 fn beside(
     case: &BenchCase<'_>,
     place: &BenchPlace,

@@ -185,7 +185,7 @@ pub fn patches(path: Path) -> BenchLine {
     }
 }
 
-/// The same with tolerances of their own, by the path that `auto` takes.
+/// Patches within given tolerances, drawn by whoever `auto` chooses.
 pub fn patches_within(tolerances: ErrorTolerances) -> BenchLine {
     let ErrorTolerances {
         rim_px,

@@ -155,7 +155,7 @@ impl PageArgs {
             .unwrap_or_else(surfel::pages::cache::usual_budget)
     }
 
-    /// How paged files are drawn.
+    /// Options of drawing paged files.
     pub(crate) fn options(self) -> PagedModelOptions {
         PagedModelOptions {
             memory_bytes: self.bytes(),

@@ -6,9 +6,9 @@ use glam::Vec3;
 /// A sphere around all parts, model space: distances of all are measured in one unit.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct WholeSphere {
-    /// Its center.
+    /// Center.
     pub center: Vec3,
-    /// Its radius.
+    /// Radius.
     pub radius: f32,
 }
 

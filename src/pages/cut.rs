@@ -58,14 +58,14 @@ pub struct PagedCut {
 pub type PageChoice<'a> =
     dyn Fn(&mut CutSelector, u32, &DecodedPage, &mut Cut, Option<PageHiding<'_>>) + Sync + 'a;
 
-/// What a page is told of the others where they hide each other.
+/// Depths and tests that leaf pages share, so that they hide each other.
 #[derive(Debug)]
 pub struct PageHiding<'a> {
     /// The depths that all share.
     pub depth: &'a SharedDepth,
-    /// How all are cut.
+    /// View and settings of all cuts.
     pub tests: &'a PartTests<'a>,
-    /// Where it is noted what was asked.
+    /// Notes of the questions that the page asks.
     pub marks: &'a mut PartMarks,
 }
 
@@ -78,7 +78,7 @@ pub struct PageTests<'a> {
     pub settings: &'a CutSettings,
     /// Chooses what is drawn of a page, by these settings.
     pub choose: &'a PageChoice<'a>,
-    /// What splats are drawn as where leaf pages hide each other, and a sphere around all pages.
+    /// Shape of splats, and a sphere around all pages; none where pages do not hide each other.
     pub hides: Option<(SplatFootprints, WholeSphere)>,
 }
 
@@ -86,7 +86,7 @@ pub struct PageTests<'a> {
 #[derive(Debug, Default)]
 struct PageVerdict {
     cut: Cut,
-    /// Of what is asked once all is cut.
+    /// Notes of the questions that are asked again once all pages are cut.
     marks: Option<PartMarks>,
     /// Pages below it with a leaf that is too large to be drawn as a splat, whether they are there or not, in their order.
     open: Vec<OpenPage>,
@@ -263,7 +263,7 @@ impl FoundPage {
         }
     }
 
-    /// How far its middle is along the view direction, as a number that orders.
+    /// Distance of the middle along the view direction, as a number that orders.
     fn distance_key(&self, view: &View) -> i64 {
         let center = WholeSphere::of(&self.page.model).center;
         let z = view.view_from_model.transform_point3(center).z;
@@ -275,7 +275,7 @@ impl FoundPage {
 
 /// Cuts one page. Its leaves that are drawn are in the cut; those to be opened are named.
 ///
-/// What is drawn of an upper page is replaced where pages below it are there, so that it hides nothing.
+/// Nodes of an upper page are replaced where pages below it are in memory, so that they hide nothing.
 fn look_at(
     selector: &mut CutSelector,
     own: &mut FoundPage,

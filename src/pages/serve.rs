@@ -23,13 +23,13 @@ const MOST_CONNECTIONS: usize = 256;
 
 /// A connection that asks nothing for so long is closed.
 const IDLE: Duration = Duration::from_secs(120);
-/// How long the rest of a request that was refused is read.
+/// Time for which the rest of a request that was refused is read.
 const LINGER: Duration = Duration::from_millis(500);
 
 /// Bytes that are sent at once: a slow line is shared by pieces of this size.
 const PIECE: usize = 16 << 10;
 
-/// How slow the line to the server is made.
+/// Limits that make the line to the server slow.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SlowLine {
     /// Time that goes by before each answer, and once more for each new connection: the way there and back.
@@ -38,12 +38,12 @@ pub struct SlowLine {
     pub bytes_per_second: Option<f64>,
 }
 
-/// What is served, and how.
+/// State that all connections share.
 #[derive(Debug)]
 struct SharedServer {
     folder: PathBuf,
     line: SlowLine,
-    /// When the line will be free.
+    /// Time at which the line will be free.
     free: Mutex<Instant>,
     connections: AtomicUsize,
     requests: AtomicUsize,
@@ -61,9 +61,9 @@ pub struct FileServer {
 struct FileRequest {
     path: String,
     is_head: bool,
-    /// Of `Range`, where it names one range of bytes.
+    /// Header `Range`, where it names one range of bytes.
     range: Option<AskedRange>,
-    /// Of `If-Range`.
+    /// Header `If-Range`.
     if_range: Option<String>,
     closes: bool,
 }
@@ -71,9 +71,9 @@ struct FileRequest {
 /// A range as it is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum AskedRange {
-    /// From the first to the last byte, which is included; none is the end.
+    /// First and last byte, both included; without a last one to the end.
     From(u64, Option<u64>),
-    /// So many bytes at the end.
+    /// Number of bytes at the end.
     Last(u64),
 }
 

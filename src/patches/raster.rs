@@ -44,7 +44,7 @@ pub struct PatchLight {
 /// Patches of one model.
 #[derive(Debug, Clone, Copy)]
 pub struct PatchList<'a> {
-    /// Of all of its nodes.
+    /// Patches of all nodes of the tree.
     pub polygons: &'a [OrientedPolygon],
     /// Numbers of those that are drawn.
     pub ids: &'a [u32],
@@ -53,11 +53,11 @@ pub struct PatchList<'a> {
 /// A rectangle of the picture, to be drawn in.
 #[derive(Debug)]
 pub struct PatchTarget<'a> {
-    /// From the first pixel of the rectangle on; red in the lowest byte, coverage in the highest.
+    /// Colors from the first pixel of the rectangle on; red in the lowest byte, coverage in the highest.
     pub colors: &'a mut [u32],
-    /// From a row of colors to the next, pixels.
+    /// Pixels from a row of colors to the next.
     pub pitch: usize,
-    /// Reversed, 0 where nothing is; row by row without gaps.
+    /// Reversed depths, 0 where nothing is; row by row without gaps.
     pub depths: &'a mut [f32],
     /// Left, top, and one past right and bottom, pixels.
     pub rect_px: [u32; 4],
@@ -92,7 +92,7 @@ struct BinnedPart {
     /// Number of the first patch in the list, and in all lists.
     first: usize,
     number: u32,
-    /// Of each band, places from the first.
+    /// Places in the lists of the patches that each band of rows draws.
     bands: Vec<Vec<u32>>,
 }
 
@@ -138,7 +138,7 @@ impl PatchRaster {
         self.draw_by(Level::new(), lists, &raster, BlockInk::Lit(*light), target);
     }
 
-    /// The same, but keeps numbers instead of colors, for [`PatchRaster::pixel`]. Colors are not read and stay.
+    /// Draws numbers of patches instead of colors, for [`PatchRaster::pixel`]. Colors are not read and stay.
     ///
     /// # Panics
     /// As [`PatchRaster::draw`].

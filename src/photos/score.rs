@@ -22,7 +22,7 @@ pub struct LadderRung {
     pub settings: Option<LookSettings>,
     /// Photographs of a picture at most; `None`: as many as the session uses.
     pub most: Option<usize>,
-    /// No step of the ladder: something to compare with.
+    /// Comparison beside the ladder, no step of it.
     pub is_beside: bool,
     /// The mean of all photographs.
     pub is_mean: bool,

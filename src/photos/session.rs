@@ -62,14 +62,14 @@ pub struct PhotoSession<'m> {
 pub struct PhotoChoice<'a> {
     /// Their indices in the scene.
     pub allowed: &'a [usize],
-    /// How many at most; `None`: as many as the session uses.
+    /// Greatest number of photographs; `None`: as many as the session uses.
     pub most: Option<usize>,
     /// The mean of all of them at each pixel, as a texture of means has it.
     pub is_mean: bool,
 }
 
 impl<'a> PhotoChoice<'a> {
-    /// As many of these as the session uses.
+    /// Chooses among these as many as the session uses.
     pub fn of(allowed: &'a [usize]) -> Self {
         Self {
             allowed,

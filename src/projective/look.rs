@@ -22,7 +22,7 @@ pub enum WeightForm {
     /// Per pixel: rays, texels, borders.
     #[default]
     Quality,
-    /// The same from everywhere, as a baked texture has it: texels on the surface, borders.
+    /// Weight that is the same from everywhere, as a baked texture has it: texels on the surface, borders.
     Baked,
 }
 
@@ -181,7 +181,7 @@ pub fn princ_weight(
     }
 }
 
-/// What a photograph weighs at a pixel at most, by the directions alone.
+/// Greatest weight that a photograph may have at a pixel, by the directions alone.
 fn most_weight(
     pixel: &SurfacePixel,
     view_ray: Vec3,

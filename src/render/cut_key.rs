@@ -118,12 +118,12 @@ impl CutKey {
         self.seen.is_some_and(|seen| seen.hides)
     }
 
-    /// What splats are taken for where those that are hidden are left out.
+    /// Shape that splats are taken for where hidden ones are left out.
     pub(crate) fn hiding(&self) -> Option<cut::SplatFootprints> {
         self.seen.filter(|seen| seen.hides)
     }
 
-    /// The same where nothing that is hidden is left out.
+    /// Makes a key of the same cut that leaves nothing out because it is hidden.
     pub(crate) fn without_hiding(&self) -> Self {
         let seen = self.seen.map(|seen| cut::SplatFootprints {
             hides: false,

@@ -451,7 +451,7 @@ impl<'m> Engine<'m> {
         self.sample_at(view, settings, size)
     }
 
-    /// The same, where the processor draws pictures of another size.
+    /// Draws a sample as [`Engine::sample`] does, where the processor draws pictures of another size.
     fn sample_at(
         &mut self,
         view: &View,

@@ -35,7 +35,7 @@ pub struct PagedModelOptions {
     pub origin: Option<DVec3>,
     /// The first part of the file, of which pages are read; `None` for all. The first page always is.
     pub prefix: Option<FilePrefix>,
-    /// How long [`PagedModel::load`] waits for pages, from the time at which the file was opened on; `None` for as long as it
+    /// Longest time that [`PagedModel::load`] waits for pages, counted from the opening of the file; `None` for as long as it
     /// takes. It always waits for the first page.
     pub longest_wait: Option<Duration>,
 }
@@ -43,7 +43,7 @@ pub struct PagedModelOptions {
 /// The first part of a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FilePrefix {
-    /// So many bytes.
+    /// Number of bytes.
     Bytes(u64),
     /// This part of its bytes, 0 to 1.
     Part(f64),

@@ -7,11 +7,12 @@ use crate::math::camera::View;
 use crate::pack::ColorBy;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
+use crate::render::engine::smooth_threshold;
 use crate::render::frame_plan::FramePlan;
 use crate::render::model_facts::DrawnParts;
 use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
-use crate::render::{Method, PictureOutputs, Settings, SplatKind};
+use crate::render::{PictureOutputs, Settings, SplatKind};
 use std::sync::Arc;
 
 /// Samples of a pixel at most, and those after which it is looked whether they are enough.
@@ -23,10 +24,6 @@ const ENOUGH: f64 = 2.0 / 255.0;
 
 /// Numbers of samples after which their mean is shown.
 const SHOWN_AFTER: [u32; 4] = [4, LEAST_SAMPLES, 32, MOST_SAMPLES];
-
-/// Threshold of the samples of surfaces by squares, pixels, where frames have one of a pixel. Squares that contain no sample
-/// are dropped, so that they cost no more.
-const SAMPLE_THRESHOLD_PX: f32 = 0.125;
 
 /// Samples have values, so that only their mean is rounded.
 const VALUES: PictureOutputs = PictureOutputs {
@@ -166,12 +163,12 @@ impl RestPicture {
             at(0.754_877_666_246_692_8),
             at(0.569_840_290_998_053_3),
         );
-        let is_surface = parts.facts().kind.is_surface();
-        let is_square = settings.method == Method::Pop && settings.splat == SplatKind::Square;
+        // A threshold that somebody chose stays.
+        let smooth = smooth_threshold(settings, parts.facts().kind.is_surface());
         let settings = &Settings {
-            threshold_px: match is_surface && is_square && settings.threshold_px == 1.0 {
-                true => SAMPLE_THRESHOLD_PX,
-                false => settings.threshold_px,
+            threshold_px: match smooth {
+                Some(threshold) if settings.threshold_px == 1.0 => threshold,
+                _ => settings.threshold_px,
             },
             ..*settings
         };

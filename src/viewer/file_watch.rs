@@ -7,7 +7,7 @@ use std::time::SystemTime;
 /// being written.
 pub(super) const WATCH_INTERVAL_S: f64 = 0.5;
 
-/// When a file was written last, and how many bytes it has; none where it is not there.
+/// Time of the last change of a file, and its size in bytes; none where it is not there.
 type FileState = Option<(SystemTime, u64)>;
 
 /// The files that are shown, as they were when they were opened.

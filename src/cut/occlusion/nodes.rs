@@ -88,8 +88,8 @@ impl OcclusionTest<'_> {
         })
     }
 
-    /// Whether all is hidden that is drawn of what lies in a ball of any size. A ball of radius r, seen at a distance of 1 at the
-    /// tangent a from the middle, reaches r sqrt(1 + a²) / (1 - r²) to each side, from a middle that is a / (1 - r²) off.
+    /// Tells whether everything that is drawn of a ball's contents is hidden. The ball may have any size. A ball of radius r,
+    /// seen at a distance of 1 at the tangent a from the middle, reaches r sqrt(1 + a²) / (1 - r²) to each side, from a middle that is a / (1 - r²) off.
     pub(in crate::cut) fn is_ball_hidden(&self, ball: &SphereLanes<Vec4>) -> bool {
         let [x, y] = self.centers.along(ball.center).map(|place| place.x);
         let (depth, radius) = (ball.depth.x, ball.radius.x);

@@ -1,4 +1,4 @@
-//! What is hidden in a picture of several models that are parts of one, each with a cut of its own.
+//! Occlusion culling of several models that are parts of one picture, each with a cut of its own.
 
 use super::{DepthMarks, OcclusionTest, SUBPIXEL_BITS, SoftwareDepthBuffer};
 use crate::cut::frustum_and_size::NodeTester;
@@ -21,18 +21,19 @@ pub struct SharedDepth {
     undrawn: ZeroAreaSet,
 }
 
-/// What was asked of a part's splats and triangles, beside the lists of its cut.
+/// Questions that the cut of a part has asked the depth buffer, splat by splat and triangle by triangle. They are asked again
+/// once all parts are cut.
 #[derive(Debug, Default)]
 pub struct PartMarks(pub(in crate::cut) DepthMarks);
 
-/// How the cuts of all parts of a picture are chosen.
+/// View and settings of the cuts of all parts of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct PartTests<'a> {
     /// The view, in the space that all parts are in.
     pub view: &'a View,
-    /// What decides which nodes are drawn.
+    /// Settings of the cut: they decide which nodes are drawn.
     pub settings: &'a CutSettings,
-    /// What they are drawn as.
+    /// Shape on the picture of what is drawn of a node.
     pub footprints: SplatFootprints,
 }
 

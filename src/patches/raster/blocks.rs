@@ -36,7 +36,7 @@ pub(super) struct RasterBand<'a> {
     pub(super) rect_px: [usize; 4],
 }
 
-/// What pixels become.
+/// Values that are written to the pixels of a patch.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum BlockInk {
     /// Their color in the headlight.
@@ -52,13 +52,13 @@ pub(super) struct BatchLane<'a> {
     pub(super) lane: usize,
     /// Sides that it has, at least 3.
     pub(super) sides: usize,
-    /// Its number in the list.
+    /// Number of the patch in the list.
     pub(super) number: u32,
 }
 
 /// Pixels of a block.
 struct BlockPixels<S: Simd> {
-    /// From the middle of the patch, pixels.
+    /// Column and row, counted from the middle of the patch, pixels.
     at: [Lanes<S>; 2],
     /// Change of the nearness from the middle, in the plane.
     change: Lanes<S>,
@@ -203,7 +203,7 @@ fn linear<S: Simd>(simd: S, form: &[LaneRow; 3], lane: usize, [x, y]: [Lanes<S>;
     x.mul_add(Lanes::<S>::splat(simd, form[0].0[lane]), rest)
 }
 
-/// What changes along both coordinates of a plane.
+/// Sum of two coordinates of a plane, each times its change.
 #[inline(always)]
 fn along<S: Simd>(
     simd: S,

@@ -49,7 +49,7 @@ pub(super) struct RecordRows([LaneRow; WORDS]);
 /// Patches on the picture.
 #[derive(Debug)]
 pub(super) struct PatchBatch {
-    /// Where the origin of the plane lies on the picture, pixels.
+    /// Place of the origin of the plane on the picture, pixels.
     pub(super) middle: [LaneRow; 2],
     /// Signed distances in pixels, inside positive: x, y and constant of each form.
     pub(super) forms: [[LaneRow; 3]; FORMS],
@@ -156,7 +156,7 @@ fn sum<S: Simd>(a: Triple<S>, of_a: Lanes<S>, b: Triple<S>, of_b: Lanes<S>) -> T
     ]
 }
 
-/// What is compared between patches: the larger the nearer.
+/// Number that is compared between patches: the larger the nearer.
 #[inline(always)]
 fn nearness<S: Simd>(simd: S, view: &RasterView, distance: Lanes<S>) -> Lanes<S> {
     match view.is_perspective {
@@ -195,9 +195,9 @@ fn dot<S: Simd>(a: Triple<S>, b: Triple<S>) -> Lanes<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// What a footprint is on the picture.
+/// Corners of a footprint on the picture, and their bounds.
 struct SeenCorners<S: Simd> {
-    /// From the middle, pixels.
+    /// Columns and rows, counted from the middle, pixels.
     places: [[Lanes<S>; 2]; MOST_CORNERS],
     low: [Lanes<S>; 2],
     high: [Lanes<S>; 2],

@@ -54,8 +54,8 @@ impl Engine<'_> {
     /// Draws the samples of a regular `k` x `k` grid in each pixel, as [`Engine::sample`] draws those of [`jittered`] views, and
     /// gives each with its number, in any order.
     ///
-    /// Of a paged file the processor draws several as one larger picture: a cut over pages costs as much for one sample of a
-    /// pixel as for several.
+    /// Several samples of a paged file are drawn by the processor as one larger picture: a cut over pages costs as much for one
+    /// sample of a pixel as for several.
     ///
     /// # Errors
     /// As [`Engine::sample`].
@@ -97,7 +97,7 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// By how much larger pictures may be, so that their pixels are samples: a divisor of `k`.
+    /// Factor by which pictures may be larger, so that their pixels are samples: a divisor of `k`.
     pub(super) fn factor_of_samples(&self, view: &View, settings: &Settings, k: u32) -> u32 {
         let shown = || self.models.iter().filter(|own| own.is_shown);
         if shown().all(|own| own.pages.is_none()) {

@@ -1,4 +1,4 @@
-//! Where the photographs of the window were taken: their poses in the picture, a click on one, and a map from above.
+//! Poses of the photographs of the window: drawn in the picture, chosen by a click, and shown on a map from above.
 
 use super::ViewerApp;
 use crate::photos::scene::PhotoScene;
@@ -25,7 +25,7 @@ pub(super) struct PoseMark {
     photo: usize,
     /// Edges of what it sees, pixels.
     lines: Vec<[[f32; 2]; 2]>,
-    /// Where it was taken, pixels; `None` behind the camera.
+    /// Place of the camera on the picture, pixels; `None` behind the eye.
     eye: Option<[f32; 2]>,
     /// The picture uses it.
     is_used: bool,
@@ -226,7 +226,8 @@ pub(super) fn paint_poses(
     }
 }
 
-/// Paints the map in the upper right corner of the picture (messages have the lower left one), which begins `inset` pixels from the left.
+/// Paints the map in the upper right corner of the picture, since messages have the lower left one. The picture begins `inset`
+/// pixels from the left.
 pub(super) fn paint_map(context: &egui::Context, map: &PoseMap, inset: f32, size: egui::Vec2) {
     let left = inset / context.pixels_per_point();
     let side = MAP_SIDE.min(size.x - left - 24.0).min(size.y - 24.0);
