@@ -61,6 +61,7 @@ fn keysym(name: &str) -> u32 {
         "Tab" => 0xff09,
         "BackSpace" => 0xff08,
         "F1" => 0xffbe,
+        "F5" => 0xffc2,
         "F11" => 0xffc8,
         "Shift" => 0xffe1,
         "Control" => 0xffe3,
