@@ -115,7 +115,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "failures",
         &[
-            "progress", "math", "scenes", "tree", "cut", "image", "gpu", "render", "measure",
+            "progress", "math", "scenes", "tree", "cut", "image", "patches", "gpu", "render",
+            "measure",
         ],
     ),
     // Lays what `measure` finds side by side.
@@ -129,6 +130,7 @@ const LAYERS: &[Layer] = &[
             "cut",
             "oriented",
             "image",
+            "patches",
             "gpu",
             "render",
             "measure",

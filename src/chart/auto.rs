@@ -36,6 +36,8 @@ pub struct CalibrationKey {
     size_class: u32,
     is_closed: bool,
     is_cloud: bool,
+    /// Records of error patches are there.
+    has_patches: bool,
     width: u32,
     height: u32,
 }
@@ -113,6 +115,7 @@ impl CalibrationKey {
             size_class: primitives.ilog2() / 2,
             is_closed: model.is_closed,
             is_cloud: model.kind().is_points(),
+            has_patches: model.patches.is_some(),
             width,
             height,
         }

@@ -1,5 +1,6 @@
 //! What is measured: a method with its splat, its path and its threshold.
 
+use crate::patches::{ErrorTolerances, PatchRules};
 use crate::render::{Method, Path, Settings, SplatKind};
 
 /// One way to draw a model.
@@ -9,6 +10,9 @@ pub struct DrawConfiguration {
     pub method: Method,
     /// What its splats look like; of no account for triangles.
     pub splat: SplatKind,
+    /// Nodes are error patches, whatever their size, once their error is small; then the threshold is their tolerance
+    /// elsewhere than at silhouettes ([`ErrorTolerances::within`]), and what is no patch is drawn at a pixel.
+    pub has_patches: bool,
     /// By rasterizer or by compute, which are two lines of the chart. Left to the program is a third one where it then draws by neither:
     /// on software devices by the host ([`SplatKind::host_draws`]).
     pub path: Path,
@@ -20,12 +24,16 @@ pub struct DrawConfiguration {
 pub const TRIANGLES: DrawConfiguration = DrawConfiguration {
     method: Method::Triangles,
     splat: SplatKind::Square,
+    has_patches: false,
     path: Path::Raster,
     threshold_px: 0.0,
 };
 
 /// The thresholds of a full chart, pixels.
 pub const THRESHOLDS: [f32; 11] = [0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
+
+/// The tolerances of patches in a full chart, pixels.
+pub const TOLERANCES: [f32; 6] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0];
 
 /// All kinds of splats, in the order of the legend.
 pub const KINDS: [SplatKind; 6] = [
@@ -37,13 +45,15 @@ pub const KINDS: [SplatKind; 6] = [
     SplatKind::Filtered,
 ];
 
-/// What a device can draw by besides its rasterizer.
+/// What there is to draw with besides splats by the rasterizer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AvailablePaths {
     /// Compute shaders.
     pub compute: bool,
     /// The host.
     pub host: bool,
+    /// Records of error patches of the model.
+    pub patches: bool,
 }
 
 #[cfg(test)]
@@ -51,12 +61,17 @@ impl AvailablePaths {
     pub(super) const NONE: Self = Self {
         compute: false,
         host: false,
+        patches: false,
     };
     pub(super) const ALL: Self = Self {
         compute: true,
         host: true,
+        patches: true,
     };
 }
+
+/// The name of patches in files.
+const PATCH: &str = "patch";
 
 /// The name that a value has in files.
 fn word(value: &impl serde::Serialize) -> String {
@@ -71,14 +86,23 @@ impl DrawConfiguration {
         Self {
             method,
             splat,
+            has_patches: false,
             path: Path::Raster,
             threshold_px,
+        }
+    }
+
+    fn of_patches(tolerance_px: f32) -> Self {
+        Self {
+            has_patches: true,
+            ..Self::new(Method::Pop, SplatKind::Square, tolerance_px)
         }
     }
 
     /// Whether compute shaders can draw it on a device that has what they need.
     fn has_twin(&self) -> bool {
         match (self.method, self.splat) {
+            _ if self.has_patches => false,
             (Method::Pop, SplatKind::Square | SplatKind::Disc) => {
                 self.threshold_px <= crate::render::LARGEST_COMPUTE_SQUARE_PX
             }
@@ -107,6 +131,7 @@ impl DrawConfiguration {
     /// Everything at the given thresholds that makes sense for a mesh, or for a cloud: triangles, points (up to 3 pixels),
     /// splats and pop with every kind of splat, by all ways there are.
     pub fn all(thresholds: &[f32], is_cloud: bool, ways: AvailablePaths) -> Vec<Self> {
+        let has_patches = ways.patches && !is_cloud;
         let mut all = Vec::new();
         if !is_cloud {
             all.push(TRIANGLES);
@@ -129,6 +154,9 @@ impl DrawConfiguration {
                 }
             }
         }
+        for tolerance in TOLERANCES.into_iter().filter(|_| has_patches) {
+            all.extend(Self::of_patches(tolerance).by(ways));
+        }
         all
     }
 
@@ -140,6 +168,7 @@ impl DrawConfiguration {
         } else {
             Method::Pop
         };
+        let has_patches = ways.patches && !is_cloud;
         let mut few = Vec::new();
         if !is_cloud {
             few.push(TRIANGLES);
@@ -160,6 +189,9 @@ impl DrawConfiguration {
                 few.extend(raster.by(ways).skip(usize::from(is_left_out)));
             }
         }
+        for tolerance in [0.125, 0.25, 0.5, 1.0].into_iter().filter(|_| has_patches) {
+            few.extend(Self::of_patches(tolerance).by(ways));
+        }
         few
     }
 
@@ -169,8 +201,33 @@ impl DrawConfiguration {
             method: self.method,
             splat: self.splat,
             path: self.path,
-            threshold_px: self.threshold_px,
+            threshold_px: self.splat_px(),
+            patches: self.rules(),
             ..Settings::default()
+        }
+    }
+
+    /// Size from which on nodes are gone into, pixels.
+    fn splat_px(&self) -> f32 {
+        match self.has_patches {
+            true => 1.0,
+            false => self.threshold_px,
+        }
+    }
+
+    /// Which nodes are patches; `None` where none is.
+    fn rules(&self) -> Option<PatchRules> {
+        self.has_patches.then(|| PatchRules {
+            tolerances: ErrorTolerances::within(self.threshold_px),
+            ..PatchRules::default()
+        })
+    }
+
+    /// The word for what nodes are drawn as.
+    fn shape(&self) -> String {
+        match self.has_patches {
+            true => PATCH.into(),
+            false => word(&self.splat),
         }
     }
 
@@ -185,7 +242,7 @@ impl DrawConfiguration {
             Path::Compute => ", compute",
             Path::Auto => ", auto",
         };
-        format!("{method} {}{path}", word(&self.splat))
+        format!("{method} {}{path}", self.shape())
     }
 
     /// Name of the point, such as `pop square, compute, 2 px`.
@@ -196,9 +253,9 @@ impl DrawConfiguration {
         format!("{}, {} px", self.line(), self.threshold_px)
     }
 
-    /// Method, splat and path as they stand in files.
+    /// Method, splat (or patch) and path as they stand in files.
     pub fn words(&self) -> [String; 3] {
-        [word(&self.method), word(&self.splat), word(&self.path)]
+        [word(&self.method), self.shape(), word(&self.path)]
     }
 
     /// The choice of these words; `None` when one of them is none.
@@ -211,7 +268,11 @@ impl DrawConfiguration {
         ]
         .into_iter()
         .find(|m| word(m) == method)?;
-        let splat = KINDS.into_iter().find(|s| word(s) == splat)?;
+        let has_patches = splat == PATCH;
+        let splat = match has_patches {
+            true => SplatKind::Square,
+            false => KINDS.into_iter().find(|s| word(s) == splat)?,
+        };
         let path = [Path::Raster, Path::Compute, Path::Auto]
             .into_iter()
             .find(|p| word(p) == path)?;
@@ -219,6 +280,7 @@ impl DrawConfiguration {
         (threshold_px >= 0.0).then_some(Self {
             method,
             splat,
+            has_patches,
             path,
             threshold_px,
         })
@@ -229,6 +291,16 @@ impl DrawConfiguration {
         let [method, splat, path] = self.words();
         if self.method == Method::Triangles {
             return format!("--method {method} --path {path}");
+        }
+        if let Some(PatchRules { tolerances, .. }) = self.rules() {
+            let ErrorTolerances {
+                rim_px,
+                inside_px,
+                shade_levels,
+            } = tolerances;
+            return format!(
+                "--method {method} --error {rim_px},{inside_px},{shade_levels} --path {path}"
+            );
         }
         format!(
             "--method {method} --splat {splat} --threshold {} --path {path}",
@@ -288,8 +360,11 @@ mod tests {
             count(AvailablePaths::ALL, Path::Compute),
             2 * 8 + 9 + 6 * 11
         );
-        // Squares, discs and filtered splats.
-        assert_eq!(count(AvailablePaths::ALL, Path::Auto), 2 * 3 * 11);
+        // Squares, discs and filtered splats; patches.
+        assert_eq!(
+            count(AvailablePaths::ALL, Path::Auto),
+            2 * 3 * 11 + TOLERANCES.len()
+        );
         let lines = |is_cloud, path| {
             let few = DrawConfiguration::few(is_cloud, AvailablePaths::ALL).into_iter();
             let mut lines: Vec<String> = few.filter(|c| c.path == path).map(|c| c.line()).collect();
@@ -306,7 +381,9 @@ mod tests {
         ];
         assert_eq!(lines(false, Path::Compute), of_pop);
         let by_host = ["pop square, auto", "pop disc, auto", "pop filtered, auto"];
-        assert_eq!(lines(false, Path::Auto), by_host);
+        let found = lines(false, Path::Auto);
+        assert_eq!(found[..3], by_host);
+        assert_eq!(found[3..], ["pop patch, auto"]);
         let of_cloud = [
             "splats gauss, compute",
             "splats visibility, compute",

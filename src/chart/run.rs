@@ -55,14 +55,19 @@ impl Plan {
         }
     }
 
-    /// The choices for a model on a device.
+    /// The choices for a model on a device; patches where the model has their records.
     pub fn choices(&self, model: &Model, backend: &Backend) -> Vec<DrawConfiguration> {
+        let patches = model.patches.is_some() && model.textures.is_none();
         let ways = match backend.device() {
             Some(gpu) => AvailablePaths {
                 compute: gpu.info().has_int64_atomics,
                 host: gpu.info().is_cpu() && matches!(backend, Backend::Device(_)),
+                patches,
             },
-            None => AvailablePaths::default(),
+            None => AvailablePaths {
+                patches,
+                ..AvailablePaths::default()
+            },
         };
         match &self.thresholds {
             Some(thresholds) => DrawConfiguration::all(thresholds, model.kind().is_points(), ways),

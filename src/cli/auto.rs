@@ -21,6 +21,7 @@ fn with(choice: &Settings, settings: Settings) -> Settings {
             path => path,
         },
         threshold_px: choice.threshold_px,
+        patches: choice.patches,
         ..settings
     }
 }

@@ -6,6 +6,7 @@ use super::{Failure, Outcome, bytes, count, say};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use surfel::mesh::stream::JoinedStream;
+use surfel::open::OpenedModel;
 use surfel::open::{ModelSource, external_options, open_stream};
 use surfel::pages::external::{self, ExternalError, ExternalOptions};
 use surfel::pages::write::PagedOptions;
@@ -28,6 +29,10 @@ pub(crate) struct Args {
     /// Write the paged kind: a fifth of the bytes, positions and normals rounded
     #[arg(long)]
     paged: bool,
+    /// Keep what --error needs beside the tree, so that no start computes it: 12 bytes a triangle, with colors 18, and some
+    /// seconds a million triangles
+    #[arg(long, conflicts_with_all = ["paged", "memory"])]
+    patches: bool,
     /// Leaves of a page at most, 16 to 16384: small pages bring less that is not needed, large ones take fewer bytes
     #[arg(long, value_name = "N", default_value_t = PagedOptions::default().page_leaves, value_parser = parse_page_leaves)]
     page_leaves: usize,
@@ -153,6 +158,19 @@ fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Resu
     Ok(true)
 }
 
+/// Adds the records of error patches to a model.
+fn keep_patches(ready: &mut OpenedModel, quiet: bool) -> Outcome {
+    let model = &mut ready.model;
+    if !model.kind().is_surface() {
+        return Err(super::usage(format!(
+            "{}: only surfaces of triangles have error patches; leave --patches out",
+            ready.name
+        )));
+    }
+    let bar = Bar::new(quiet);
+    Ok(surfel::patches::add_records(model, &bar).map_err(surfel::Error::from)?)
+}
+
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let output = match &args.output {
         Some(path) => path.clone(),
@@ -184,7 +202,10 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     }
     let pages = args.pages();
     let is_paged = args.paged || args.memory.is_some();
-    let ready = args.source.open(quiet)?;
+    let mut ready = args.source.open(quiet)?;
+    if args.patches {
+        keep_patches(&mut ready, quiet)?;
+    }
     let start = Instant::now();
     // The model was good; only the file can fail here, and that is no bad input.
     let written = if is_paged {

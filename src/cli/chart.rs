@@ -277,7 +277,8 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             surface: SurfaceArgs::default(),
             keep: KeepArgs::default(),
         };
-        let ready = source.open_with(&bar)?;
+        let mut ready = source.open_with(&bar)?;
+        surfel::patches::add_records(&mut ready.model, &bar).map_err(surfel::Error::from)?;
         if ready.model.vertices.is_empty() {
             return Err(usage(format!(
                 "{}: there is nothing in it to draw",

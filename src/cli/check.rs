@@ -11,6 +11,7 @@ use surfel::open::SourceFormat;
 use surfel::pages::check::PagedReport;
 use surfel::pages::format::{MAGIC, is_paged_file};
 use surfel::pages::{self, file::PagedFile, source::FileSource};
+use surfel::patches::check_records;
 use surfel::progress::Silent;
 use surfel::tree;
 
@@ -121,8 +122,10 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             }
             Err(failure) => return Err(failure),
         };
-        let report = tree::check(&ready.model);
-        let is_clean = report.is_clean();
+        let mut report = tree::check(&ready.model);
+        let of_patches = check_records(&ready.model);
+        let is_clean = report.is_clean() && of_patches.is_empty();
+        report.violations.extend(of_patches);
         broken += usize::from(!is_clean);
         // Writing to a string cannot fail.
         let _ = writeln!(

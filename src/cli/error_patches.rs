@@ -17,7 +17,8 @@ enum ErrorBoundName {
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct ErrorArgs {
     /// Draw a node as one polygon, whatever its size, once it is wrong by less (--method pop): pixels at silhouettes, pixels
-    /// elsewhere, grey levels of its shade; as 0.15,0.25,24. Records for it take seconds a million triangles, and 61 bytes a triangle
+    /// elsewhere, grey levels of its shade; as 0.15,0.25,24. Records for it take seconds a million triangles unless the tree file has them
+    /// (surfel build --patches), and 80 bytes a triangle
     #[arg(long, value_name = "RIM,INSIDE,SHADE", value_parser = parse_error, allow_hyphen_values = true)]
     error: Option<ErrorTolerances>,
     /// How the shade keeps to its part of --error

@@ -53,6 +53,7 @@ pub(crate) fn facts(ready: &OpenedModel) -> serde_json::Value {
             "bytes": memory.tree(),
         },
         "memory_bytes": memory,
+        "patch_bytes": m.patches.as_ref().map(|patches| patches.bytes()),
         "parts": ready.parts.iter().map(part).collect::<Vec<_>>(),
         "remarks": ready.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "load_ms": ready.load_ms,
@@ -201,6 +202,15 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             m.tree.level_starts.len(),
             bytes(tree_bytes),
             tree_bytes as f64 / leaves
+        );
+    }
+    if let Some(patches) = &m.patches {
+        let of_patches = patches.bytes() as u64;
+        let _ = writeln!(
+            out,
+            "  error patches: records of all nodes, {} ({:.1} bytes a leaf)",
+            bytes(of_patches),
+            of_patches as f64 / leaves
         );
     }
     let _ = writeln!(

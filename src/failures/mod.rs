@@ -24,6 +24,7 @@ pub use figures::{FailureCase, FailureFigure};
 pub use rules::{FailureBound, FailureCell, FailureVerdict, reach_px, rules};
 
 use crate::image::Image;
+use crate::patches::PatchRules;
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::engine::{Backend, Engine};
@@ -69,6 +70,8 @@ impl FailureLook {
         let is_own_picture = match (self.settings.method, self.settings.splat) {
             (Method::Splats, SplatKind::Filtered) if case.model.kind().is_points() => true,
             (Method::Splats, _) => case.has_large_leaves,
+            // Clouds have none.
+            _ if self.settings.patches.is_some() => case.model.kind().is_surface(),
             _ => true,
         };
         is_own_picture && (self.only.is_empty() || self.only.contains(&case.entry.name))
@@ -109,6 +112,11 @@ pub fn looks() -> Vec<FailureLook> {
     ];
     looks.extend(KINDS.map(|(kind, name, _)| look(name, with(Method::Pop, kind))));
     looks.extend(KINDS.map(|(kind, _, name)| look(name, with(Method::Splats, kind))));
+    let patches = Settings {
+        patches: Some(PatchRules::default()),
+        ..usual
+    };
+    looks.push(look("patches", patches));
     looks.extend([
         FailureLook {
             only: &["open-behind", "inside"],

@@ -62,13 +62,15 @@ impl PatchConditions {
     /// shade is bounded at every corner.
     pub fn new(model: &Model, patches: &NodePatches, is_strict: bool) -> Self {
         let nodes = model.tree.nodes.par_iter().zip(&patches.records);
-        Self {
-            nodes: nodes
-                .with_min_len(1024)
-                .map(|(node, patch)| PatchCondition::new(node, patch, is_strict))
-                .collect(),
-            is_strict,
-        }
+        let nodes = nodes
+            .with_min_len(1024)
+            .map(|(node, patch)| PatchCondition::new(node, patch, is_strict));
+        Self::of_nodes(nodes.collect(), is_strict)
+    }
+
+    /// Conditions that are made already, strict ones or not.
+    pub(super) fn of_nodes(nodes: Vec<PatchCondition>, is_strict: bool) -> Self {
+        Self { nodes, is_strict }
     }
 
     /// Bytes in memory.
@@ -91,7 +93,7 @@ impl PatchConditions {
 }
 
 impl PatchCondition {
-    fn new(node: &Node, patch: &NodePatch, is_strict: bool) -> Self {
+    pub(super) fn new(node: &Node, patch: &NodePatch, is_strict: bool) -> Self {
         if !patch.may_be_drawn() {
             return Self {
                 flags: NodePatch::NEVER,

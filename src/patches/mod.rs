@@ -4,6 +4,7 @@
 //! [`draw()`] makes an exact picture of them, [`PatchRaster`] a fast one. Ours; no paper.
 
 mod build;
+mod check;
 mod conditions;
 mod cut;
 mod draw;
@@ -20,11 +21,11 @@ mod settings;
 mod tests;
 
 pub use build::{FULL_LEVELS, MOST_SHADE_LEVELS, NodePatches, build};
+pub use check::check_records;
 pub use conditions::PatchConditions;
 pub use cut::{PatchCut, PatchRefusals, PatchSelector, select};
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
-pub use packed::{PackedPatch, PackedPatchColors};
 pub use raster::{PatchLight, PatchList, PatchPixel, PatchRaster, PatchTarget};
 pub use record::{MOST_CORNERS, NodePatch, RESIDUAL_LEVELS};
-pub use resident::ResidentPatches;
+pub use resident::{ResidentPatches, add_records};
 pub use settings::{ErrorTolerances, PatchCutSettings, PatchRules};

@@ -4,11 +4,13 @@
 //! full record and a little more. The plane's normal is exact, since records are made with normals of 2 x 12 bit; so is the
 //! direction of the rectangle.
 
+use super::build::NodePatches;
 use super::footprint::{self, SIGNS, TURNS};
 use super::record::{NodePatch, RESIDUAL_LEVELS};
-use crate::tree::Node;
-use bytemuck::{Pod, Zeroable};
+use crate::tree::{Model, Node, PackedPatch, PackedPatchColors, PatchRecords};
+use bytemuck::Zeroable;
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 /// Lengths are stored as logarithms, in sixteenths of an octave below this share of the radius.
 const LARGEST: f32 = 1.01;
@@ -21,54 +23,6 @@ const STEEPEST: f32 = 2.0;
 
 /// Largest value of 12 bits with a sign.
 const UNIT_12: f32 = 2047.0;
-
-/// A [`NodePatch`] in 28 bytes, without colors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub struct PackedPatch {
-    /// Plane's normal, octahedral 2 x 12 bit; above it the turn of the rectangle, 256ths of a quarter turn.
-    plane: u32,
-    /// Middle of the footprint less the center of the ball along the normal, over the radius, units of 1/32767.
-    height: i16,
-    /// The same along the sides of the rectangle, units of 1/127.
-    middle: [i8; 2],
-    /// Half sides over the radius, units of 1.03/255.
-    half_extents: [u8; 2],
-    /// Cuts of the corners, 4 bits each, units of 1/15.
-    cuts: [u8; 2],
-    /// Logarithms of thickness and overhang over the radius; 255 is an infinite overhang.
-    thickness: u8,
-    overhang: u8,
-    /// Tangents of the shading normal in the middle, 12 bits each.
-    tangents: [u8; 3],
-    /// Units of 1/255.
-    sigma: u8,
-    /// Change of the tangents over a radius, units of 2^exponent / 127.
-    shape: [i8; 3],
-    shape_exponent: i8,
-    /// Logarithm of the largest of the residuals.
-    residual: u8,
-    /// Residuals of the five levels, 4 bits each: quarters of an octave below the largest; then flags, 4 bits.
-    residuals_and_flags: [u8; 3],
-    /// Logarithm of the largest residual of a corner.
-    largest_residual: u8,
-    /// Half angle, units of 60 degrees / 254.
-    half_angle: u8,
-}
-
-/// Colors of a [`NodePatch`] in 12 bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub struct PackedPatchColors {
-    /// In the middle.
-    color: [u8; 3],
-    /// Root mean square of what is left, units of 1/255.
-    residual: u8,
-    /// Change along u and v over a radius, units of 2^exponent / 127.
-    gradient: [[i8; 3]; 2],
-    gradient_exponent: i8,
-    unused: u8,
-}
 
 /// A unit vector that 2 x 12 bits hold exactly, near another one.
 pub(super) fn rounded_normal(normal: Vec3) -> Vec3 {
@@ -143,6 +97,34 @@ pub(super) fn bits_7(value: f32, exponent: i8) -> i8 {
 
 fn value_7(bits: i8, exponent: i8) -> f32 {
     f32::from(bits) / 127.0 * f32::from(exponent).exp2()
+}
+
+impl PatchRecords {
+    /// Packs the records of a model.
+    pub fn new(model: &Model, patches: &NodePatches) -> Self {
+        let nodes = model.tree.nodes.par_iter().zip(&patches.records);
+        let colored = nodes.clone().filter(|_| model.has_colors);
+        Self {
+            records: (nodes.with_min_len(1024))
+                .map(|(node, patch)| PackedPatch::new(node, patch))
+                .collect(),
+            colors: colored
+                .map(|(node, patch)| PackedPatchColors::new(node, patch))
+                .collect(),
+        }
+    }
+
+    /// The record of a node; one that never is a patch where there is none, or where what was read makes no sense.
+    pub fn record(&self, index: usize, node: &Node) -> NodePatch {
+        let Some(record) = self.records.get(index) else {
+            return NodePatch::default();
+        };
+        let patch = record.unpack(node, self.colors.get(index));
+        match patch.is_finite() {
+            true => patch,
+            false => NodePatch::default(),
+        }
+    }
 }
 
 impl PackedPatch {

@@ -95,6 +95,18 @@ impl NodePatch {
         self.flags & Self::NEVER == 0
     }
 
+    /// Whether all lengths and directions are finite, but for the overhang; what is never drawn is.
+    pub(super) fn is_finite(&self) -> bool {
+        let [du, dv] = self.color_gradient;
+        !self.may_be_drawn()
+            || [self.origin, self.mean_normal, self.color, du, dv]
+                .iter()
+                .all(|v| v.is_finite())
+                && Vec3::from_array(self.shape).is_finite()
+                && self.half_extents.is_finite()
+                && self.thickness.is_finite()
+    }
+
     /// Whether an edge below ends the surface or bends it sharply, so that it makes a silhouette.
     #[inline]
     pub fn has_rim(&self) -> bool {

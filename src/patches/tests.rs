@@ -1,6 +1,7 @@
 //! What patches promise, on whole models: no hole, no growth beyond twice the tolerance, gaps that stay open.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+use super::check::violation;
 use super::*;
 use crate::cut::{Cut, CutSelector, CutSettings};
 use crate::image::Image;
@@ -8,7 +9,7 @@ use crate::math::camera::{Camera, View};
 use crate::math::octahedral;
 use crate::mesh::Mesh;
 use crate::progress::Silent;
-use crate::tree::{self, BuildOptions, Model};
+use crate::tree::{self, BuildOptions, Model, PackedPatch, PackedPatchColors};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 /// A generated model, such as `sphere:1000`.
@@ -166,35 +167,7 @@ fn assert_corners_within(model: &Model, patches: &NodePatches) {
             continue;
         }
         drawn += 1;
-        let (corners, count) = patch.corners();
-        for leaf in model.tree.leaf_range(node) {
-            let positions =
-                model.triangles[leaf as usize].map(|c| model.vertices[c as usize].position);
-            let (normal, area) = tree::geometric_normal(positions);
-            let own = patch.normal.as_dvec3();
-            let angle = normal.cross(own).length().atan2(normal.dot(own));
-            assert!(
-                area == 0.0 || angle <= f64::from(patch.half_angle),
-                "node {node}"
-            );
-            for position in positions {
-                let offset = (position - patch.origin).as_dvec3();
-                let height = offset.dot(patch.normal.as_dvec3()).abs();
-                assert!(
-                    height <= f64::from(patch.thickness),
-                    "node {node}: {height} {patch:?}"
-                );
-                let foot = DVec2::new(
-                    offset.dot(patch.axis.as_dvec3()),
-                    offset.dot(patch.second_axis().as_dvec3()),
-                );
-                for i in 0..count {
-                    let [from, to] = [corners[i], corners[(i + 1) % count]].map(Vec2::as_dvec2);
-                    let beyond = (to - from).normalize_or_zero().perp_dot(foot - from);
-                    assert!(beyond >= -1e-9, "node {node}: {beyond:e} {patch:?}");
-                }
-            }
-        }
+        assert_eq!(violation(model, node, patch, 1e-9), None, "{patch:?}");
     }
     assert!(
         drawn * 10 > patches.records.len() * 7,

@@ -234,7 +234,7 @@ pub struct Settings {
     /// Splats are made from the vertices of the mesh instead of the tree, by these rules; of [`Method::Splats`] only.
     pub vertex_splats: Option<SplatRules>,
     /// Nodes whose error is small are drawn as one oriented polygon, whatever their size; of [`Method::Pop`] and surfaces only.
-    /// Their records are made at the first frame that has patches, and kept: about 61 bytes a triangle.
+    /// Their records are made at the first frame that has patches, and kept: about 80 bytes a triangle.
     pub patches: Option<PatchRules>,
     /// How they are blended; `None` is the usual way of their kind, [`Settings::blend`].
     pub blend: Option<Blend>,

@@ -441,6 +441,7 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf], options: &BuildOptions) -> Result<Ar
         has_colors,
         vertices,
         textures,
+        patches: None,
     };
     model.framed = framed::of(&model);
     Ok(ArrangedMesh {

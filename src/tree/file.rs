@@ -5,7 +5,10 @@
 //! word changes for certain and any other damage with a probability of all but 2^-64. A reader believes nothing: lengths
 //! are compared with the file before memory is asked for, and all links are tested before the model is handed out.
 
-use super::{AlignedRecords, Error, Leaf, Model, Moments, NodeAttributes, Tree, check, framed};
+use super::{
+    AlignedRecords, Error, Leaf, Model, Moments, NodeAttributes, PackedPatch, PackedPatchColors,
+    PatchRecords, Tree, check, framed,
+};
 use crate::abi::Vertex;
 use crate::progress::{Progress, Silent};
 use bytemuck::{Pod, Zeroable};
@@ -15,6 +18,10 @@ use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::ops::DerefMut;
 use std::path::Path;
+use std::sync::Arc;
+
+#[cfg(test)]
+mod tests;
 
 /// Ending of tree files, without the dot.
 pub const EXTENSION: &str = "surfel";
@@ -26,7 +33,7 @@ pub const VERSION: u32 = 2;
 
 const SECTIONS: usize = 9;
 const ALIGNMENT: u64 = 64;
-const NAMES: [&str; SECTIONS] = [
+const NAMES: [&str; SECTIONS + MORE_SECTIONS] = [
     "vertices",
     "triangles",
     "nodes",
@@ -36,10 +43,17 @@ const NAMES: [&str; SECTIONS] = [
     "level starts",
     "leaves",
     "moments",
+    "patches",
+    "colors of patches",
 ];
+
+/// Sections that a file may have after those, named in a table of their own.
+const MORE_SECTIONS: usize = 2;
 
 const CLOSED: u32 = 1;
 const COLORS: u32 = 2;
+/// Flag: a [`PatchTable`] follows the last section, and its sections after it.
+const PATCHES: u32 = 4;
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -72,7 +86,44 @@ struct FileSection {
     checksum: u64,
 }
 
+/// Records of error patches and their colors, after the sections that every file has.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct PatchTable {
+    sections: [FileSection; MORE_SECTIONS],
+    /// Of all bytes before.
+    checksum: u64,
+}
+
 const HEADER: usize = size_of::<Header>();
+
+/// Places of what a file holds after its header.
+struct FileLayout<'a> {
+    end: u64,
+    /// Offsets and bytes.
+    pieces: Vec<(u64, &'a [u8])>,
+}
+
+impl<'a> FileLayout<'a> {
+    /// Places an array of elements of `stride` bytes behind what is there.
+    fn place(&mut self, bytes: &'a [u8], stride: usize) -> FileSection {
+        let offset = self.end.next_multiple_of(ALIGNMENT);
+        self.end = offset + bytes.len() as u64;
+        self.pieces.push((offset, bytes));
+        FileSection {
+            offset,
+            count: (bytes.len() / stride) as u64,
+            stride: stride as u64,
+            checksum: checksum(bytes),
+        }
+    }
+}
+
+impl PatchTable {
+    fn own_checksum(&self) -> u64 {
+        hash(bytemuck::bytes_of(&self.sections))
+    }
+}
 
 /// Whether a file beginning with these bytes (at least 8) is a tree file.
 pub fn is_tree_file(start: &[u8]) -> bool {
@@ -87,11 +138,10 @@ pub fn is_tree_file(start: &[u8]) -> bool {
 /// The folder cannot be written to, or the disk is full.
 pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
     require_little_endian(path)?;
-    let arrays = arrays(model);
     let mut header = Header {
         magic: MAGIC,
         version: VERSION,
-        flags: if model.is_closed { CLOSED } else { 0 } | if model.has_colors { COLORS } else { 0 },
+        flags: flags_of(model),
         origin: model.origin.to_array(),
         min: model.min.to_array(),
         max: model.max.to_array(),
@@ -101,28 +151,32 @@ pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
         section_count: SECTIONS as u32,
         ..Header::zeroed()
     };
-    let mut end = HEADER as u64;
-    for (section, (bytes, stride)) in header.sections.iter_mut().zip(arrays) {
-        *section = FileSection {
-            offset: end.next_multiple_of(ALIGNMENT),
-            count: (bytes.len() / stride) as u64,
-            stride: stride as u64,
-            checksum: checksum(bytes),
-        };
-        end = section.offset + bytes.len() as u64;
+    let mut layout = FileLayout {
+        end: HEADER as u64,
+        pieces: Vec::new(),
+    };
+    header.sections = arrays(model).map(|(bytes, stride)| layout.place(bytes, stride));
+    let (empty, mut table) = (PatchTable::zeroed(), PatchTable::zeroed());
+    if let Some(patches) = &model.patches {
+        let at = layout.pieces.len();
+        layout.place(bytemuck::bytes_of(&empty), size_of::<PatchTable>());
+        let arrays = [raw(&patches.records), raw(&patches.colors)];
+        table.sections = arrays.map(|(bytes, stride)| layout.place(bytes, stride));
+        table.checksum = table.own_checksum();
+        layout.pieces[at].1 = bytemuck::bytes_of(&table);
     }
-    header.file_length = end;
+    header.file_length = layout.end;
     header.checksum = header_checksum(&header);
 
     let fill = |file: &mut File| -> std::io::Result<()> {
         let mut out = BufWriter::new(file);
         out.write_all(bytemuck::bytes_of(&header))?;
         let mut at = HEADER as u64;
-        for (section, (bytes, _)) in header.sections.iter().zip(arrays) {
-            let padding = (section.offset - at) as usize;
+        for &(offset, bytes) in &layout.pieces {
+            let padding = (offset - at) as usize;
             out.write_all(&[0; ALIGNMENT as usize][..padding])?;
             out.write_all(bytes)?;
-            at = section.offset + bytes.len() as u64;
+            at = offset + bytes.len() as u64;
         }
         out.flush()
     };
@@ -238,7 +292,8 @@ pub fn read_from(
         );
         return Err(damaged(length.min(header.file_length), cause));
     }
-    if header.section_count as usize != SECTIONS || header.flags & !(CLOSED | COLORS) != 0 {
+    if header.section_count as usize != SECTIONS || header.flags & !(CLOSED | COLORS | PATCHES) != 0
+    {
         return Err(damaged(12, "unknown flags or sections".to_owned()));
     }
     let mut reader = TreeReader {
@@ -246,7 +301,7 @@ pub fn read_from(
         at: HEADER as u64,
         length,
         next: 0,
-        sections: header.sections,
+        sections: header.sections.to_vec(),
         path,
         progress,
     };
@@ -273,7 +328,12 @@ pub fn read_from(
         has_colors: header.flags & COLORS != 0,
         // A tree file keeps the colors of vertices and nodes, which are means of the texels.
         textures: None,
+        patches: None,
     };
+    if header.flags & PATCHES != 0 {
+        let nodes = model.tree.nodes.len();
+        model.patches = Some(Arc::new(reader.patches(nodes, model.has_colors)?));
+    }
     if reader.at != length {
         return Err(damaged(
             reader.at,
@@ -299,12 +359,63 @@ struct TreeReader<'a> {
     at: u64,
     length: u64,
     next: usize,
-    sections: [FileSection; SECTIONS],
+    sections: Vec<FileSection>,
     path: &'a Path,
     progress: &'a dyn Progress,
 }
 
 impl TreeReader<'_> {
+    fn failed(&self, source: std::io::Error) -> Error {
+        Error::Io {
+            path: self.path.to_owned(),
+            source,
+        }
+    }
+
+    /// Reads up to `offset`, which is at most one alignment ahead; tells what is wrong with what is there.
+    fn skip_zeros(&mut self, offset: u64) -> std::io::Result<Result<(), String>> {
+        let mut padding = [0u8; ALIGNMENT as usize];
+        let padding = &mut padding[..(offset - self.at) as usize];
+        self.file.read_exact(padding)?;
+        Ok(match padding.iter().all(|&byte| byte == 0) {
+            true => Ok(()),
+            false => Err("bytes before it that should be zero".to_owned()),
+        })
+    }
+
+    /// Records of patches of a tree of `nodes`, behind their table.
+    fn patches(&mut self, nodes: usize, has_colors: bool) -> Result<PatchRecords, Error> {
+        let offset = self.at.next_multiple_of(ALIGNMENT);
+        let path = self.path;
+        let damaged = |cause: &str| Error::File {
+            path: path.to_owned(),
+            offset,
+            cause: format!("table of patches: {cause}"),
+        };
+        let mut table = PatchTable::zeroed();
+        if self.length < offset + size_of::<PatchTable>() as u64 {
+            return Err(damaged("the file ends before it"));
+        }
+        let is_padded = self.skip_zeros(offset).map_err(|e| self.failed(e))?;
+        self.file
+            .read_exact(bytemuck::bytes_of_mut(&mut table))
+            .map_err(|e| self.failed(e))?;
+        is_padded.map_err(|cause| damaged(&cause))?;
+        if table.checksum != table.own_checksum() {
+            return Err(damaged("the checksum is wrong"));
+        }
+        let colors = if has_colors { nodes } else { 0 };
+        if table.sections.map(|section| section.count) != [nodes as u64, colors as u64] {
+            return Err(damaged("not one record for each node"));
+        }
+        self.at = offset + size_of::<PatchTable>() as u64;
+        self.sections.extend(table.sections);
+        Ok(PatchRecords {
+            records: self.section::<PackedPatch>()?,
+            colors: self.section::<PackedPatchColors>()?,
+        })
+    }
+
     fn section<T: Pod>(&mut self) -> Result<Vec<T>, Error> {
         self.section_in(|count| vec![T::zeroed(); count])
     }
@@ -316,8 +427,9 @@ impl TreeReader<'_> {
     ) -> Result<V, Error> {
         let (section, name) = (self.sections[self.next], NAMES[self.next]);
         self.next += 1;
+        let path = self.path;
         let damaged = |offset: u64, cause: String| Error::File {
-            path: self.path.to_owned(),
+            path: path.to_owned(),
             offset,
             cause: format!("{name}: {cause}"),
         };
@@ -337,24 +449,14 @@ impl TreeReader<'_> {
                 format!("{} elements do not fit the file", section.count),
             ));
         }
-        let io = |source| Error::Io {
-            path: self.path.to_owned(),
-            source,
-        };
-        let mut padding = [0u8; ALIGNMENT as usize];
-        let padding = &mut padding[..(section.offset - self.at) as usize];
-        self.file.read_exact(padding).map_err(io)?;
-        if padding.iter().any(|&byte| byte != 0) {
-            return Err(damaged(
-                self.at,
-                "bytes before it that should be zero".to_owned(),
-            ));
-        }
+        self.skip_zeros(section.offset)
+            .map_err(|e| self.failed(e))?
+            .map_err(|cause| damaged(self.at, cause))?;
         // Not more than the file has.
         let mut values = zeroed(section.count as usize);
         self.file
             .read_exact(bytemuck::cast_slice_mut(&mut values))
-            .map_err(io)?;
+            .map_err(|e| self.failed(e))?;
         if checksum(bytemuck::cast_slice(&values)) != section.checksum {
             return Err(damaged(section.offset, "the checksum is wrong".to_owned()));
         }
@@ -368,23 +470,36 @@ impl TreeReader<'_> {
     }
 }
 
-/// All arrays as bytes, with the size of an element, in the order of the sections.
+/// An array as bytes, with the size of an element.
+fn raw<T: Pod>(values: &[T]) -> (&[u8], usize) {
+    (bytemuck::cast_slice(values), size_of::<T>())
+}
+
+/// All arrays that every file has, in the order of the sections.
 fn arrays(model: &Model) -> [(&[u8], usize); SECTIONS] {
-    fn bytes<T: Pod>(values: &[T]) -> (&[u8], usize) {
-        (bytemuck::cast_slice(values), size_of::<T>())
-    }
     let tree = &model.tree;
     [
-        bytes(&model.vertices),
-        bytes(&model.triangles),
-        bytes(&tree.nodes),
-        bytes(&tree.attributes),
-        bytes(&tree.parents),
-        bytes(&tree.first_leaf),
-        bytes(&tree.level_starts),
-        bytes(&tree.leaves),
-        bytes(&tree.moments),
+        raw(&model.vertices),
+        raw(&model.triangles),
+        raw(&tree.nodes),
+        raw(&tree.attributes),
+        raw(&tree.parents),
+        raw(&tree.first_leaf),
+        raw(&tree.level_starts),
+        raw(&tree.leaves),
+        raw(&tree.moments),
     ]
+}
+
+fn flags_of(model: &Model) -> u32 {
+    let all = [
+        (model.is_closed, CLOSED),
+        (model.has_colors, COLORS),
+        (model.patches.is_some(), PATCHES),
+    ];
+    all.into_iter()
+        .map(|(is_set, flag)| if is_set { flag } else { 0 })
+        .sum()
 }
 
 fn header_checksum(header: &Header) -> u64 {
@@ -433,138 +548,5 @@ fn require_little_endian(path: &Path) -> Result<(), Error> {
             offset: 0,
             cause: "tree files are little-endian; this machine is not".to_owned(),
         })
-    }
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may panic")]
-mod tests {
-    use super::*;
-    use crate::mesh::Mesh;
-    use crate::tree::{BuildOptions, build};
-
-    /// A strip of triangles, as a file in memory.
-    fn bytes() -> Vec<u8> {
-        let mesh = Mesh {
-            positions: (0..14)
-                .map(|i| Vec3::new(i as f32, (i % 2) as f32, 0.1))
-                .collect(),
-            triangles: (0..12).map(|i| [i, i + 1, i + 2]).collect(),
-            ..Mesh::default()
-        };
-        let model = build(mesh, &BuildOptions::default(), &Silent).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("model.surfel");
-        write(&model, &path).unwrap();
-        std::fs::read(path).unwrap()
-    }
-
-    fn reads(mut bytes: &[u8]) -> Result<Model, Error> {
-        let length = bytes.len() as u64;
-        read_from(&mut bytes, length, Path::new("model.surfel"), &Silent)
-    }
-
-    #[test]
-    fn every_truncation_and_every_flipped_bit_is_refused() {
-        let good = bytes();
-        assert!(reads(&good).is_ok());
-        for length in 0..good.len() {
-            assert!(reads(&good[..length]).is_err(), "cut at {length}");
-        }
-        let mut bytes = good.clone();
-        for bit in 0..8 * good.len() {
-            bytes[bit / 8] ^= 1 << (bit % 8);
-            assert!(reads(&bytes).is_err(), "bit {bit} flipped");
-            bytes[bit / 8] = good[bit / 8];
-        }
-        bytes.push(0);
-        let error = reads(&bytes).unwrap_err().to_string();
-        assert!(
-            error.contains("model.surfel, byte") && error.contains("its header says"),
-            "{error}"
-        );
-    }
-
-    /// Changes the header and makes its checksum right again.
-    fn forged(change: impl FnOnce(&mut Header)) -> Result<Model, Error> {
-        let mut bytes = bytes();
-        let mut header: Header = bytemuck::pod_read_unaligned(&bytes[..HEADER]);
-        change(&mut header);
-        header.checksum = header_checksum(&header);
-        bytes[..HEADER].copy_from_slice(bytemuck::bytes_of(&header));
-        reads(&bytes)
-    }
-
-    #[test]
-    fn a_header_that_lies_is_refused() {
-        assert!(forged(|_| ()).is_ok());
-        for section in 0..SECTIONS {
-            for count in [0, 1, 1 << 20, 1 << 40, u64::MAX / 8, u64::MAX] {
-                assert!(
-                    forged(|h| h.sections[section].count = count).is_err(),
-                    "{section} {count}"
-                );
-            }
-            for offset in [0, 64, 1 << 40, u64::MAX, u64::MAX - 63] {
-                assert!(
-                    forged(|h| h.sections[section].offset = offset).is_err(),
-                    "{section} {offset}"
-                );
-            }
-            assert!(forged(|h| h.sections[section].stride = 1).is_err());
-        }
-        assert!(forged(|h| h.used_vertices = u32::MAX).is_err());
-        assert!(forged(|h| h.used_vertices = 3).is_err());
-        assert!(forged(|h| h.section_count = 8).is_err());
-        assert!(forged(|h| h.flags = 4).is_err());
-        assert!(forged(|h| h.min[0] = f32::NAN).is_err());
-        assert!(forged(|h| h.file_length = 5).is_err());
-        let error = forged(|h| h.version = 1).unwrap_err().to_string();
-        assert!(
-            error.contains("version 1 ") && error.contains("build the file again"),
-            "{error}"
-        );
-    }
-
-    /// Changes a section's bytes and makes all checksums right again.
-    fn forged_section(section: usize, change: impl FnOnce(&mut [u8])) -> Result<Model, Error> {
-        let mut bytes = bytes();
-        let mut header: Header = bytemuck::pod_read_unaligned(&bytes[..HEADER]);
-        let entry = &mut header.sections[section];
-        let start = entry.offset as usize;
-        let range = start..start + (entry.count * entry.stride) as usize;
-        change(&mut bytes[range.clone()]);
-        entry.checksum = checksum(&bytes[range]);
-        header.checksum = header_checksum(&header);
-        bytes[..HEADER].copy_from_slice(bytemuck::bytes_of(&header));
-        reads(&bytes)
-    }
-
-    #[test]
-    fn indices_that_lead_nowhere_are_refused_in_spite_of_right_checksums() {
-        // Triangles; nodes (first child, child count, flags); parents, first leaves, level starts.
-        for (section, byte) in [
-            (1, 5),
-            (2, 16),
-            (2, 19),
-            (2, 30),
-            (2, 31),
-            (4, 4),
-            (5, 8),
-            (6, 4),
-        ] {
-            for value in [77, 255] {
-                let result = forged_section(section, |bytes| bytes[byte] = value);
-                assert!(result.is_err(), "section {section}, byte {byte}");
-            }
-        }
-        // A position, a sphere of a node, one of a leaf that are no numbers.
-        for (section, word) in [(0, 1), (2, 3), (7, 0)] {
-            let nan = f32::NAN.to_le_bytes();
-            let result = forged_section(section, |bytes| {
-                bytes[4 * word..4 * word + 4].copy_from_slice(&nan)
-            });
-            assert!(result.is_err(), "section {section}");
-        }
     }
 }

@@ -110,6 +110,7 @@ impl Model {
             is_closed: false,
             has_colors: self.has_colors,
             textures,
+            patches: None,
         };
         // Nothing was framed where all was asked for.
         model.framed = framed::of(&model).filter(|_| self.framed.is_some());

@@ -23,6 +23,7 @@ mod node;
 mod order;
 mod part;
 mod partition;
+mod patch_records;
 mod records;
 mod select;
 mod shape;
@@ -43,6 +44,7 @@ pub use kind::{ModelKind, OrbitSphere};
 pub use moments::{area_of_point, fill_moments};
 pub use node::{Leaf, Node, NodeAttributes, NodeStrip, NormalCone};
 pub(crate) use part::{NodeRecords, PartShape, build_part, leaf_order, node_above};
+pub use patch_records::{PackedPatch, PackedPatchColors, PatchRecords};
 pub use records::AlignedRecords;
 pub use summary::geometric_normal;
 pub use textures::ModelTextures;
@@ -85,6 +87,8 @@ pub struct Model {
     pub has_colors: bool,
     /// What triangles show where they are large; colors of vertices and nodes are means of it already.
     pub textures: Option<Arc<ModelTextures>>,
+    /// Records of error patches, where the tree file has them.
+    pub patches: Option<Arc<PatchRecords>>,
 }
 
 /// The hierarchy: interior nodes breadth-first (the root is node 0), and one leaf per triangle or point.

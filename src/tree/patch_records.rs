@@ -1,0 +1,70 @@
+//! Records of error patches as a tree file keeps them, one a node. `src/patches/packed.rs` says what their bits mean.
+
+use bytemuck::{Pod, Zeroable};
+
+/// The polygon of a node in 28 bytes, without colors, relative to the ball of the node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PackedPatch {
+    /// Plane's normal, octahedral 2 x 12 bit; above it the turn of the rectangle, 256ths of a quarter turn.
+    pub(crate) plane: u32,
+    /// Middle of the footprint less the center of the ball along the normal, over the radius, units of 1/32767.
+    pub(crate) height: i16,
+    /// Middle of the footprint along the sides of the rectangle, over the radius, units of 1/127.
+    pub(crate) middle: [i8; 2],
+    /// Half sides over the radius, units of 1.03/255.
+    pub(crate) half_extents: [u8; 2],
+    /// Cuts of the corners, 4 bits each, units of 1/15.
+    pub(crate) cuts: [u8; 2],
+    /// Logarithm of the thickness over the radius.
+    pub(crate) thickness: u8,
+    /// Logarithm of the overhang over the radius; 255 is an infinite overhang.
+    pub(crate) overhang: u8,
+    /// Tangents of the shading normal in the middle, 12 bits each.
+    pub(crate) tangents: [u8; 3],
+    /// Length of the mean normal, units of 1/255.
+    pub(crate) sigma: u8,
+    /// Change of the tangents over a radius, units of 2^exponent / 127.
+    pub(crate) shape: [i8; 3],
+    /// Exponent of `shape`.
+    pub(crate) shape_exponent: i8,
+    /// Logarithm of the largest of the residuals.
+    pub(crate) residual: u8,
+    /// Residuals of the five levels, 4 bits each: quarters of an octave below the largest; then flags, 4 bits.
+    pub(crate) residuals_and_flags: [u8; 3],
+    /// Logarithm of the largest residual of a corner.
+    pub(crate) largest_residual: u8,
+    /// Half angle, units of 60 degrees / 254.
+    pub(crate) half_angle: u8,
+}
+
+/// Colors of the polygon of a node in 12 bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PackedPatchColors {
+    /// Color in the middle, units of 1/255.
+    pub(crate) color: [u8; 3],
+    /// Root mean square of what is left, units of 1/255.
+    pub(crate) residual: u8,
+    /// Change along u and v over a radius, units of 2^exponent / 127.
+    pub(crate) gradient: [[i8; 3]; 2],
+    /// Exponent of `gradient`.
+    pub(crate) gradient_exponent: i8,
+    pub(crate) unused: u8,
+}
+
+/// Records of the nodes of a tree, in its order: 28 bytes a node, with colors 40. There are half as many nodes as triangles.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct PatchRecords {
+    /// A record a node.
+    pub(crate) records: Vec<PackedPatch>,
+    /// As many where the model has colors, else none.
+    pub(crate) colors: Vec<PackedPatchColors>,
+}
+
+impl PatchRecords {
+    /// Bytes in memory and in a file.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.records[..]) + size_of_val(&self.colors[..])
+    }
+}
