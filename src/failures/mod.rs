@@ -260,13 +260,22 @@ pub fn run(
 }
 
 impl FailureCase {
-    /// The picture of a look, with the scene's threshold.
+    /// The size up to which nodes are splats, pixels: the scene's threshold, which is there to show what splats do wrong. Beside
+    /// patches, whose errors do not grow with it, at most a pixel.
+    pub fn splat_px(&self, look: &FailureLook) -> f32 {
+        match look.settings.patches {
+            Some(_) => self.threshold_px.min(1.0),
+            None => self.threshold_px,
+        }
+    }
+
+    /// The picture of a look.
     ///
     /// # Errors
     /// When the device cannot draw.
     pub fn draw(&self, backend: &Backend, look: &FailureLook) -> Result<Image, Error> {
         let settings = Settings {
-            threshold_px: self.threshold_px,
+            threshold_px: self.splat_px(look),
             ..look.settings
         };
         let size = (self.view.width, self.view.height);

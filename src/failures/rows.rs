@@ -261,6 +261,7 @@ pub static ROWS: &[FailureRow] = &[
     row("checkerboard", "triangles|points", Center(1), [0.0, 204.0], "black or white instead of gray"),
     row("checkerboard", "triangles|points", Center(2), [0.0, 204.0], "black or white instead of gray"),
     row("fence", "triangles", Lost, [4000.0, 8000.0], "wires of 0.4 pixels meet four centers of ten"),
+    row("fence", "patches", Lost, [2000.0, 8000.0], "wires of 0.4 pixels, drawn as polygons, meet four centers of ten"),
     row("under-pixel", "triangles", Lost, [1.0; 2], "it meets no pixel center"),
     row("under-pixel", "filtered", Lost, [0.0, 1.0], "a node of the whole ball has no vector area and is left out"),
     row("needles", "points", Missing, [5000.0, 8000.0], SPARSE),

@@ -109,7 +109,7 @@ const MOIRE: f64 = 6.0;
 pub fn reach_px(case: &FailureCase, look: &FailureLook) -> f64 {
     let has_own_size = look.settings.method == Method::Splats
         || (look.settings.method == Method::Pop && case.model.kind().is_points());
-    let mut t = f64::from(case.threshold_px.max(1.0));
+    let mut t = f64::from(case.splat_px(look).max(1.0));
     if has_own_size {
         t = t.max(case.largest_px);
     }
