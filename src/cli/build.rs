@@ -29,7 +29,7 @@ pub(crate) struct Args {
     /// Write the paged kind: a fifth of the bytes, positions and normals rounded
     #[arg(long)]
     paged: bool,
-    /// Keep what --error needs beside the tree, so that no start computes it: 12 bytes a triangle, with colors 18, and some
+    /// Keep what --error needs beside the tree, so that no start computes it: 16 bytes a triangle, with colors 21, and some
     /// seconds a million triangles
     #[arg(long, conflicts_with_all = ["paged", "memory"])]
     patches: bool,

@@ -3,7 +3,7 @@
 //! Sums of areas and normals go up the tree; extents and residuals take one pass over the corners below each node, O(n log n)
 //! in all, but for nodes that can never be patches, which are left at the first triangle that shows it. The overhang is the
 //! largest distance of sample points of the footprint from the whole surface: without it a plate with holes would be closed,
-//! since the thickness does not see holes.
+//! since the thickness does not see holes. What colors other triangles have in the footprint counts as residual.
 
 use super::edges;
 use super::fit::{self, FitCorner};
@@ -23,6 +23,9 @@ pub const MOST_SHADE_LEVELS: f32 = 64.0;
 
 /// Samples of a footprint along each side, without open or sharp edges and with them.
 const SAMPLES: [usize; 2] = [4, 16];
+
+/// Samples of a footprint along each side where its colors are compared with what else lies in it.
+const FOREIGN_SAMPLES: u8 = 8;
 
 /// Grey levels of a surface that faces the light: 0.8 times 255.
 pub const FULL_LEVELS: f32 = 204.0;
@@ -85,6 +88,32 @@ struct PatchSource<'a> {
     model: &'a Model,
     leaf_flags: &'a [u8],
     surface: SurfaceDistance<'a>,
+}
+
+/// The footprint of a node as it will be drawn.
+struct DrawnFootprint {
+    /// With the rounded geometry.
+    patch: NodePatch,
+    /// What its (u, v) have to be moved by to be those of the record before it was rounded.
+    moved: Vec2,
+    node: u32,
+}
+
+impl DrawnFootprint {
+    fn new(patch: &NodePatch, drawn: NodePatch, node: u32) -> Self {
+        let offset = drawn.origin - patch.origin;
+        Self {
+            moved: Vec2::new(offset.dot(patch.axis), offset.dot(patch.second_axis())),
+            patch: drawn,
+            node,
+        }
+    }
+
+    /// Whether a place of the footprint lies above or below one of these triangles, which have three corners each.
+    fn is_covered(&self, at: Vec2, corners: &[FitCorner]) -> bool {
+        let at = at + self.moved;
+        (corners.chunks_exact(3)).any(|t| is_in_triangle(at, [t[0].at, t[1].at, t[2].at]))
+    }
 }
 
 /// Working memory of a thread: 140 bytes a triangle below the largest node that may be a patch.
@@ -228,11 +257,22 @@ impl PatchSource<'_> {
         patch.half_angle = half_angle;
         patch.flags = own.flags;
         self.shading(&mut patch, node, sums, scratch)?;
-        let radius = self.model.tree.nodes[node as usize].radius;
+        let ball = &self.model.tree.nodes[node as usize];
+        let radius = ball.radius;
+        // Rounding widens the footprint: what is beside the surface is looked for in what will be drawn.
+        let drawn = packed::rounded(ball, &patch);
+        if !drawn.may_be_drawn() {
+            return None;
+        }
         let least = patch.residuals.into_iter().fold(f32::INFINITY, f32::min);
         let levels = FULL_LEVELS * (least * half_angle.sin() + 0.5 * least * least);
         if patch.thickness <= radius && levels <= MOST_SHADE_LEVELS {
-            patch.overhang = self.overhang(&patch, node, radius, scratch);
+            let place = DrawnFootprint::new(&patch, drawn, node);
+            patch.overhang = self.overhang(&place, radius, scratch);
+            if self.model.has_colors && patch.overhang.is_finite() {
+                let around = self.foreign_colors(&patch, &place, scratch);
+                patch.color_residual = patch.color_residual.hypot(around);
+            }
         }
         Some(patch)
     }
@@ -389,17 +429,60 @@ impl PatchSource<'_> {
         }
     }
 
+    /// Root mean square over the footprint, value / 255, of the differences of the record's color from what other triangles have
+    /// that lie in it: a node may be scattered, as single cells of a checkered plane, and its hull lies over what is between.
+    fn foreign_colors(
+        &self,
+        patch: &NodePatch,
+        drawn: &DrawnFootprint,
+        scratch: &PatchScratch,
+    ) -> f32 {
+        let few = match scratch.corners.len() <= FEW_CORNERS {
+            true => &scratch.corners[..],
+            false => &[],
+        };
+        let own = self.model.tree.leaf_range(drawn.node);
+        let enough = drawn.patch.thickness.max(patch.overhang);
+        let (mut squares, mut count) = (Vec3::ZERO, 0u8);
+        for share in footprint::samples(FOREIGN_SAMPLES, drawn.patch.corner_cuts) {
+            count += 1;
+            let at = share * drawn.patch.half_extents;
+            if drawn.is_covered(at, few) {
+                continue;
+            }
+            let found = (self.surface).nearest(drawn.patch.point(at), drawn.node, enough);
+            if found.distance.is_finite() && !own.contains(&found.leaf) {
+                let color = self.color_of(found.leaf, found.place);
+                let off = color - patch.color_at(at + drawn.moved);
+                squares += off * off;
+            }
+        }
+        (squares / f32::from(count.max(1))).max_element().sqrt()
+    }
+
+    /// Color of a point of a triangle, value / 255.
+    fn color_of(&self, leaf: u32, point: Vec3) -> Vec3 {
+        let face = self.face(leaf);
+        let [a, b, c] = face.positions;
+        let normal = (b - a).cross(c - a);
+        let part = |from: Vec3, to: Vec3| (to - from).cross(point - from).dot(normal).max(0.0);
+        let weights = [part(b, c), part(c, a), part(a, b)];
+        let sum: f32 = weights.iter().sum();
+        let mut color = Vec3::ZERO;
+        for (vertex, weight) in face.vertices.into_iter().zip(weights) {
+            let [r, g, b, _] = self.model.vertices[vertex as usize].color;
+            let share = if sum > 0.0 { weight / sum } else { 1.0 / 3.0 };
+            color += Vec3::new(f32::from(r), f32::from(g), f32::from(b)) * (share / 255.0);
+        }
+        color
+    }
+
     /// Largest distance of sample points of the footprint from the surface, or something up to the thickness; infinite where it
     /// exceeds the radius of the node, which is more than a pixel where the node is.
     ///
     /// Distances are at most one apart for points one apart: a sample is not looked at whose neighbors say enough.
-    fn overhang(
-        &self,
-        patch: &NodePatch,
-        node: u32,
-        radius: f32,
-        scratch: &mut PatchScratch,
-    ) -> f32 {
+    fn overhang(&self, drawn: &DrawnFootprint, radius: f32, scratch: &mut PatchScratch) -> f32 {
+        let patch = &drawn.patch;
         let count = SAMPLES[usize::from(patch.has_rim())];
         let mut most = patch.thickness;
         let PatchScratch { corners, row, .. } = scratch;
@@ -410,11 +493,10 @@ impl PatchSource<'_> {
         };
         let distance = |at: Vec2, most: &mut f32| {
             // A triangle below or above it is at most the thickness away.
-            let is_covered = |t: &[FitCorner]| is_in_triangle(at, [t[0].at, t[1].at, t[2].at]);
-            if few.chunks_exact(3).any(is_covered) {
+            if drawn.is_covered(at, few) {
                 return *most;
             }
-            let found = self.surface.of(patch.point(at), node, *most);
+            let found = self.surface.of(patch.point(at), drawn.node, *most);
             *most = most.max(found);
             found
         };
@@ -425,12 +507,8 @@ impl PatchSource<'_> {
         for y in 0..count {
             let mut left = f32::INFINITY;
             for (x, above) in row.iter_mut().enumerate() {
-                let share = Vec2::new(x as f32, y as f32) * (2.0 / count as f32)
-                    + Vec2::splat(1.0 / count as f32 - 1.0);
-                let is_inside = footprint::SIGNS
-                    .iter()
-                    .zip(patch.corner_cuts)
-                    .all(|(sign, cut)| share.dot(*sign) <= 2.0 - cut);
+                let share = footprint::sample([x, y], count);
+                let is_inside = footprint::contains(share, patch.corner_cuts);
                 let known = (left + step.x).min(*above + step.y);
                 let found = if known <= most || !is_inside {
                     known

@@ -35,6 +35,24 @@ pub(super) const SIGNS: [Vec2; 4] = [
     Vec2::new(1.0, -1.0),
 ];
 
+/// Place of a sample of a grid of `count` by `count`, as shares of the half sides.
+pub(super) fn sample([x, y]: [usize; 2], count: usize) -> Vec2 {
+    Vec2::new(x as f32, y as f32) * (2.0 / count as f32) + Vec2::splat(1.0 / count as f32 - 1.0)
+}
+
+/// Whether a footprint contains a place, in shares of the half sides.
+pub(super) fn contains(share: Vec2, corner_cuts: [f32; 4]) -> bool {
+    let mut corners = SIGNS.iter().zip(corner_cuts);
+    corners.all(|(sign, cut)| share.dot(*sign) <= 2.0 - cut)
+}
+
+/// Samples of a grid that lie in a footprint.
+pub(super) fn samples(count: u8, corner_cuts: [f32; 4]) -> impl Iterator<Item = Vec2> {
+    let side = usize::from(count);
+    let all = (0..side * side).map(move |i| sample([i % side, i / side], side));
+    all.filter(move |share| contains(*share, corner_cuts))
+}
+
 /// Working memory of [`around`].
 #[derive(Debug, Default)]
 pub(super) struct HullScratch {

@@ -12,6 +12,25 @@ pub(super) struct SurfaceDistance<'a> {
     model: &'a Model,
 }
 
+/// A triangle near a point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NearestLeaf {
+    /// Distance of the point from it; infinite where none was found.
+    pub(super) distance: f32,
+    /// Number of the triangle.
+    pub(super) leaf: u32,
+    /// Its point that is nearest.
+    pub(super) place: Vec3,
+}
+
+impl NearestLeaf {
+    const NONE: Self = Self {
+        distance: f32::INFINITY,
+        leaf: 0,
+        place: Vec3::ZERO,
+    };
+}
+
 impl<'a> SurfaceDistance<'a> {
     pub(super) fn new(model: &'a Model) -> Self {
         Self { model }
@@ -20,14 +39,20 @@ impl<'a> SurfaceDistance<'a> {
     /// Distance of `point` from the surface. Ends early with any distance of at most `enough`. The search begins below `near`
     /// and goes up from there: what is near in space is near in the tree, most often.
     pub(super) fn of(&self, point: Vec3, near: u32, enough: f32) -> f32 {
+        self.nearest(point, near, enough).distance
+    }
+
+    /// The triangle that is nearest to `point`, or with early ends one that is near `enough`.
+    pub(super) fn nearest(&self, point: Vec3, near: u32, enough: f32) -> NearestLeaf {
         let tree = &self.model.tree;
-        let mut best = self.below(near, point, f32::INFINITY, enough);
+        let mut best = self.below(near, point, NearestLeaf::NONE, enough);
         let mut node = near;
-        while best > enough && node != 0 {
+        while best.distance > enough && node != 0 {
             let parent = tree.parents[node as usize];
             for sibling in tree.children(parent) {
                 let ball = &tree.nodes[sibling as usize];
-                if sibling != node && may_be_nearer(point, ball.center, ball.radius, best) {
+                if sibling != node && may_be_nearer(point, ball.center, ball.radius, best.distance)
+                {
                     best = self.below(sibling, point, best, enough);
                 }
             }
@@ -36,26 +61,34 @@ impl<'a> SurfaceDistance<'a> {
         best
     }
 
-    /// The least of `best` and the distance from what is below a node.
-    fn below(&self, node: u32, point: Vec3, mut best: f32, enough: f32) -> f32 {
+    /// The nearer of `best` and what is below a node.
+    fn below(&self, node: u32, point: Vec3, mut best: NearestLeaf, enough: f32) -> NearestLeaf {
         let tree = &self.model.tree;
         // Nodes that wait, each with its least distance; the nearest last.
         let mut stack = [(0.0f32, node); STACK];
         let mut height = 1;
-        while height > 0 && best > enough {
+        while height > 0 && best.distance > enough {
             height -= 1;
             let (least, node) = stack[height];
-            if least >= best {
+            if least >= best.distance {
                 continue;
             }
             let children = tree.children(node);
             if tree.nodes[node as usize].has_leaves() {
                 for leaf in children {
                     let ball = &tree.leaves[leaf as usize];
-                    if may_be_nearer(point, ball.center, ball.radius, best) {
+                    if may_be_nearer(point, ball.center, ball.radius, best.distance) {
                         let corners = self.model.triangles[leaf as usize]
                             .map(|corner| self.model.vertices[corner as usize].position);
-                        best = best.min(point.distance(nearest_in_triangle(point, corners)));
+                        let place = nearest_in_triangle(point, corners);
+                        let distance = point.distance(place);
+                        if distance < best.distance {
+                            best = NearestLeaf {
+                                distance,
+                                leaf,
+                                place,
+                            };
+                        }
                     }
                 }
                 continue;
@@ -65,7 +98,7 @@ impl<'a> SurfaceDistance<'a> {
             for child in children {
                 let ball = &tree.nodes[child as usize];
                 let squared = point.distance_squared(ball.center);
-                let reach = ball.radius * 1.000_001 + best;
+                let reach = ball.radius * 1.000_001 + best.distance;
                 if squared >= reach * reach || count == near.len() {
                     continue;
                 }

@@ -1,4 +1,4 @@
-//! The record in 28 bytes, and colors in 12 more, relative to the ball of the node.
+//! The record in 36 bytes, and colors in 12 more, relative to the ball of the node.
 //!
 //! Every bound is rounded to the safe side: lengths and residuals up, what is cut off corners down; the footprint is that of the
 //! full record and a little more. The plane's normal is exact, since records are made with normals of 2 x 12 bit; so is the
@@ -17,6 +17,15 @@ const LARGEST: f32 = 1.01;
 
 /// Largest half side of a footprint over the radius.
 const WIDEST_SIDE: f32 = 1.03;
+
+/// Units of the middle of a footprint, and of its height, in a radius.
+const PLACE_UNITS: f32 = 32767.0;
+
+/// Units of half sides in the largest of them.
+const SIDE_UNITS: f32 = 65535.0;
+
+/// Units of cuts of corners in a half side.
+const CUT_UNITS: f32 = 255.0;
 
 /// Largest tangent of the shading normal and the plane's.
 const STEEPEST: f32 = 2.0;
@@ -163,19 +172,21 @@ impl PackedPatch {
         let offset = patch.origin - node.center;
         let along = |direction: Vec3| offset.dot(direction) / radius;
         let whole = |value: f32, unit: f32| (value.clamp(-1.0, 1.0) * unit).round();
-        let height = whole(along(normal), 32767.0);
-        let middle = [axis, across].map(|side| whole(along(side), 127.0));
+        let height = whole(along(normal), PLACE_UNITS);
+        let middle = [axis, across].map(|side| whole(along(side), PLACE_UNITS));
         // What the middle was moved by comes on top.
         let moved = Vec2::new(
-            along(axis) - middle[0] / 127.0,
-            along(across) - middle[1] / 127.0,
+            along(axis) - middle[0] / PLACE_UNITS,
+            along(across) - middle[1] / PLACE_UNITS,
         );
         let sides = patch.half_extents / radius + moved.abs() + Vec2::splat(1e-6);
-        let half_extents = [sides.x, sides.y]
-            .map(|side| (side * (255.0 / WIDEST_SIDE)).ceil().clamp(1.0, 255.0) as u8);
-        let half = half_extents.map(|side| f32::from(side) * (WIDEST_SIDE / 255.0));
+        let half_extents = [sides.x, sides.y].map(|side| {
+            let units = (side * (SIDE_UNITS / WIDEST_SIDE)).ceil();
+            units.clamp(1.0, SIDE_UNITS) as u16
+        });
+        let half = half_extents.map(|side| f32::from(side) * (WIDEST_SIDE / SIDE_UNITS));
         let cuts = packed_cuts(patch, radius, moved, Vec2::from_array(half));
-        let raised = (along(normal) - height / 32767.0).abs() * radius;
+        let raised = (along(normal) - height / PLACE_UNITS).abs() * radius;
         let tangents = [tangents.x, tangents.y].map(|t| bits_12(t / STEEPEST));
         let tangents = tangents[0] | tangents[1] << 12;
         let shape = patch.shape.map(|s| s * radius / m.z);
@@ -193,8 +204,9 @@ impl PackedPatch {
         Self {
             plane,
             height: height as i16,
-            middle: middle.map(|m| m as i8),
+            middle: middle.map(|m| m as i16),
             half_extents,
+            unused: 0,
             cuts,
             thickness: log_up((patch.thickness + raised + room) / radius, LARGEST),
             overhang: log_up((patch.overhang + raised + room) / radius, LARGEST),
@@ -222,21 +234,19 @@ impl PackedPatch {
         let radius = node.radius;
         let (normal, axis) = axes(self.plane);
         let across = normal.cross(axis);
-        let [u, v] = self.middle.map(|m| f32::from(m) / 127.0);
+        let [u, v] = self.middle.map(|m| f32::from(m) / PLACE_UNITS);
         let origin = node.center
-            + (axis * u + across * v + normal * (f32::from(self.height) / 32767.0)) * radius;
+            + (axis * u + across * v + normal * (f32::from(self.height) / PLACE_UNITS)) * radius;
         let [t0, t1, t2] = self.tangents;
         let tangents = u32::from_le_bytes([t0, t1, t2, 0]);
-        let [low, high] = self.cuts;
         let mut patch = NodePatch {
             origin,
             normal,
             axis,
             half_extents: Vec2::from_array(self.half_extents.map(f32::from))
-                * (WIDEST_SIDE / 255.0)
+                * (WIDEST_SIDE / SIDE_UNITS)
                 * radius,
-            corner_cuts: [low & 15, low >> 4, high & 15, high >> 4]
-                .map(|cut| f32::from(cut) / 15.0),
+            corner_cuts: self.cuts.map(|cut| f32::from(cut) / CUT_UNITS),
             thickness: power(self.thickness, LARGEST) * radius,
             overhang: if self.overhang == 255 {
                 f32::INFINITY
@@ -292,6 +302,11 @@ impl PackedPatchColors {
     }
 }
 
+/// Geometry of a record as it is once it is packed. The overhang is measured on this: it is what is drawn.
+pub(super) fn rounded(node: &Node, patch: &NodePatch) -> NodePatch {
+    PackedPatch::new(node, patch).unpack(node, None)
+}
+
 /// Normal and axis of a plane.
 fn axes(plane: u32) -> (Vec3, Vec3) {
     let normal = decode_12(plane);
@@ -301,7 +316,7 @@ fn axes(plane: u32) -> (Vec3, Vec3) {
 }
 
 /// What can be cut off the corners of a moved and widened rectangle, in radii, so that the old footprint stays inside.
-fn packed_cuts(patch: &NodePatch, radius: f32, moved: Vec2, half: Vec2) -> [u8; 2] {
+fn packed_cuts(patch: &NodePatch, radius: f32, moved: Vec2, half: Vec2) -> [u8; 4] {
     let (corners, count) = patch.corners();
     let mut reach = [f32::NEG_INFINITY; 4];
     for &corner in &corners[..count] {
@@ -310,9 +325,10 @@ fn packed_cuts(patch: &NodePatch, radius: f32, moved: Vec2, half: Vec2) -> [u8; 
             *reach = reach.max(at.dot(sign));
         }
     }
-    let [a, b, c, d] =
-        reach.map(|reach| ((2.0 - reach - 1e-4) * 15.0).floor().clamp(0.0, 15.0) as u8);
-    [a | b << 4, c | d << 4]
+    reach.map(|reach| {
+        let units = (2.0 - reach - 1e-4) * CUT_UNITS;
+        units.floor().clamp(0.0, CUT_UNITS) as u8
+    })
 }
 
 #[cfg(test)]
@@ -321,7 +337,7 @@ mod tests {
 
     #[test]
     fn records_have_the_sizes_that_are_stated() {
-        assert_eq!(size_of::<PackedPatch>(), 28);
+        assert_eq!(size_of::<PackedPatch>(), 36);
         assert_eq!(size_of::<PackedPatchColors>(), 12);
     }
 

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// The polygon of a node in 28 bytes, without colors, relative to the ball of the node.
+/// The polygon of a node in 36 bytes, without colors, relative to the ball of the node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PackedPatch {
@@ -10,12 +10,14 @@ pub struct PackedPatch {
     pub(crate) plane: u32,
     /// Middle of the footprint less the center of the ball along the normal, over the radius, units of 1/32767.
     pub(crate) height: i16,
-    /// Middle of the footprint along the sides of the rectangle, over the radius, units of 1/127.
-    pub(crate) middle: [i8; 2],
-    /// Half sides over the radius, units of 1.03/255.
-    pub(crate) half_extents: [u8; 2],
-    /// Cuts of the corners, 4 bits each, units of 1/15.
-    pub(crate) cuts: [u8; 2],
+    /// Middle of the footprint along the sides of the rectangle, over the radius, units of 1/32767.
+    pub(crate) middle: [i16; 2],
+    /// Half sides over the radius, units of 1.03/65535.
+    pub(crate) half_extents: [u16; 2],
+    /// Always 0.
+    pub(crate) unused: u16,
+    /// Cuts of the corners, units of 1/255.
+    pub(crate) cuts: [u8; 4],
     /// Logarithm of the thickness over the radius.
     pub(crate) thickness: u8,
     /// Logarithm of the overhang over the radius; 255 is an infinite overhang.
@@ -53,7 +55,8 @@ pub struct PackedPatchColors {
     pub(crate) unused: u8,
 }
 
-/// Records of the nodes of a tree, in its order: 28 bytes a node, with colors 40. There are half as many nodes as triangles.
+/// Records of the nodes of a tree, in its order: 36 bytes a node, with colors 48. There are about half as many nodes as
+/// triangles.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct PatchRecords {
     /// A record a node.
