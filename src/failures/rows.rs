@@ -100,6 +100,7 @@ pub static ROWS: &[FailureRow] = &[
     row("silhouette", "pop", Extra, [2000.0, 5460.0], "a rim of squares, and half the outline"),
     row("silhouette", "filtered", Extra, [1000.0, 5460.0], "its kernel is the same square"),
     row("horizon", "pop", Extra, [1.0, 240.0 * 3.9], "squares above the horizon, at most half a diagonal"),
+    row("horizon", "patches", Level, [0.0, 2.0], "hulls of scattered cells do not lie over what is between"),
     row("cube-edge", "pop", Extra, [500.0, 2500.0], "440 pixels of outline, at most 5.7 wide"),
     row("cube-edge", "pop", Level, [2.0, 12.0], "squares of one face over the next"),
     row("pedestal", "pop", Level, [1.0, 7.0], "squares of the pedestal over the foot of the cube"),
