@@ -71,3 +71,52 @@ pub(super) fn violation(model: &Model, node: u32, patch: &NodePatch, room: f64) 
     }
     None
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use crate::patches::add_records;
+    use crate::patches::tests::model_of;
+    use crate::progress::Silent;
+    use crate::tree::PackedPatch;
+    use std::sync::Arc;
+
+    #[test]
+    fn records_that_do_not_bound_their_node_are_named() {
+        let mut model = model_of("sphere:2000");
+        assert!(check_records(&model).is_empty(), "there are none");
+        add_records(&mut model, &Silent).unwrap();
+        assert!(check_records(&model).is_empty());
+        let good = model.patches.clone().unwrap();
+        let mut found = |change: fn(&mut PackedPatch)| {
+            let mut records = good.records.clone();
+            records.iter_mut().for_each(change);
+            model.patches = Some(Arc::new(crate::tree::PatchRecords {
+                records,
+                colors: Vec::new(),
+            }));
+            check_records(&model)
+        };
+        for (change, cause) in [
+            (
+                (|record| record.thickness = 0) as fn(&mut PackedPatch),
+                "from the plane",
+            ),
+            (|record| record.half_extents[0] /= 2, "outside of it"),
+            (|record| record.half_angle = 0, "a face is turned by"),
+        ] {
+            let lines = found(change);
+            assert_eq!(lines.len(), MOST_NAMED + 1, "{lines:?}");
+            assert!(lines[0].starts_with("patch of node "), "{lines:?}");
+            assert!(lines.iter().any(|line| line.contains(cause)), "{lines:?}");
+        }
+        let mut records = good.records.clone();
+        records.pop();
+        model.patches = Some(Arc::new(crate::tree::PatchRecords {
+            records,
+            colors: Vec::new(),
+        }));
+        assert_eq!(check_records(&model).len(), 1);
+    }
+}
