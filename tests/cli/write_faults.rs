@@ -39,7 +39,7 @@ fn calls_for(log: &str, file: &str) -> Vec<(String, u64)> {
     let mut counts: BTreeMap<(&str, &str), u64> = BTreeMap::new();
     let mut found = Vec::new();
     for line in log.lines() {
-        // "[pid 12] write(4</tmp/x/.surfel-ab>, ..." or "12 write(...".
+        // A line is "12 write(4<.surfel-ab>, ...": thread, call, and the file behind a number.
         let Some((thread, call)) = line.split_once(' ') else {
             continue;
         };

@@ -18,7 +18,7 @@ use surfel::viewer::{self, RunFigures, ViewerOptions};
 const HAS_DISPLAY: &str = "SURFEL_FAULTS_DISPLAY";
 
 /// How long a run may take before it counts as hung.
-const HANG: Duration = Duration::from_secs(40);
+const HANG: Duration = Duration::from_secs(120);
 
 /// Model of the window.
 const MODEL: &str = "generate:statue:3000";
