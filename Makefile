@@ -2,6 +2,13 @@
 # make test    everything that must hold: format, lint, tests under the validation layers, documents
 # make check   the quick part of it, while working
 # make bench   the benchmarks that docs/MEASURING.md quotes
+# and what can be relied on, with figures in docs/TRUST.md:
+# make fuzz-replay   kept files of every reader, and the same damage to them as ever (seconds)
+# make fuzz          damaged files without end: RUNS=1000000 SEED=1
+# make faults        each call of Vulkan, and each system call of each writer, fails once (an hour)
+# make soak          random input for the window: MINUTES=60 SEED=1
+# make package-test  packages, installed on a bare Debian (as root): SURFEL_DEBIAN="bookworm trixie"
+# make wheel-test    the Python package, in an environment of its own
 #
 # Each first installs what is missing, or says what to install (scripts/setup.sh). Without the window, which
 # needs cmake and X11 headers to build:   make demo FEATURES=--no-default-features
@@ -17,7 +24,7 @@ BIN = $(or $(CARGO_TARGET_DIR),target)/release/surfel
 export PATH := $(PATH):$(or $(CARGO_HOME),$(HOME)/.cargo)/bin
 export FEATURES
 
-.PHONY: help demo test check bench
+.PHONY: help demo test check bench fuzz-replay fuzz faults soak package-test wheel-test
 .NOTPARALLEL:
 
 help:
@@ -48,3 +55,31 @@ check:
 bench:
 	@scripts/setup.sh demo
 	$(CARGO) bench --locked $(FEATURES) $(ARGS)
+
+RUNS ?= 1000000
+SEED ?= 1
+MINUTES ?= 60
+
+fuzz-replay:
+	$(CARGO) test --locked $(FEATURES) --test fuzz -- --nocapture
+
+fuzz:
+	SURFEL_FUZZ_RUNS=$(RUNS) SURFEL_FUZZ_SEED=$(SEED) \
+		$(CARGO) test --locked $(FEATURES) --test fuzz -- --nocapture campaign
+
+faults: export SURFEL_FAULTS = all
+faults:
+	$(CARGO) test --locked $(FEATURES) --test faults -- --nocapture
+	$(CARGO) test --locked $(FEATURES) --test cli -- --nocapture write_faults
+
+# The C library is told to give freed memory back: what is left is what the program holds.
+soak:
+	$(CARGO) build --release --locked $(FEATURES)
+	MALLOC_ARENA_MAX=2 MALLOC_MMAP_THRESHOLD_=131072 \
+		$(BIN) soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
+
+package-test:
+	scripts/package-test.sh
+
+wheel-test:
+	scripts/wheel-test.sh

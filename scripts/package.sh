@@ -12,6 +12,7 @@
 #   SURFEL_BIN          the program to pack; else one is built with --release
 #   FEATURES            the cargo flags of that build
 #   SOURCE_DATE_EPOCH   time of all files, seconds [default: that of the last commit, else 0]
+#   DEBFULLNAME, DEBEMAIL   who answers for the .deb [default: the maintainers named by the last commit, else nobody]
 set -eu
 
 cd "$(dirname "$0")/.."
@@ -100,6 +101,8 @@ if ! command -v dpkg-deb >/dev/null 2>&1; then
     exit 0
 fi
 architecture=$(dpkg --print-architecture)
+maintainer=${DEBFULLNAME:-$(git log -1 --format=%cn 2>/dev/null || true)}
+email=${DEBEMAIL:-$(git log -1 --format=%ce 2>/dev/null || true)}
 # The C library that the program needs, by the newest of its symbols.
 libc=$(grep -ao 'GLIBC_2\.[0-9]*' "$usr/bin/surfel" | sort -Vu | tail -n 1)
 root=$work/deb
@@ -109,7 +112,7 @@ cat >"$root/DEBIAN/control" <<END
 Package: surfel
 Version: $version
 Architecture: $architecture
-Maintainer: the authors of surfel <surfel@localhost>
+Maintainer: ${maintainer:-nobody} <${email:-nobody@localhost}>
 Section: graphics
 Priority: optional
 Installed-Size: $(du -ks --apparent-size "$usr" | cut -f1)

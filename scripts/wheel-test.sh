@@ -4,7 +4,8 @@
 #   scripts/wheel-test.sh [FOLDER]     the wheel goes to FOLDER, else to target/wheel
 #
 # Needs Python 3.10 or newer with venv, cargo, a C++ compiler, and PyPI for maturin, numpy and, to compare with, trimesh
-# with rtree. Without those two the tests say what they did not compare.
+# with rtree, and pyrender, which draws by OpenGL (EGL, or as PYOPENGL_PLATFORM says). Without those the tests say what
+# they did not compare. mypy's stubtest holds the stubs to the package.
 #
 # Environment:
 #   SURFEL_BIN      the program to compare with; without, that part is left out and said
@@ -41,5 +42,10 @@ wheel=$(ls "$out"/surfel-*.whl)
 (cd "$work" && "$work/use/bin/python" -c 'import surfel; print("wheel-test: surfel", surfel.__version__, surfel.devices())')
 "$work/use/bin/pip" install -q --disable-pip-version-check trimesh rtree ||
     echo "wheel-test: no trimesh, so nothing is compared with it" >&2
+"$work/use/bin/pip" install -q --disable-pip-version-check pyrender ||
+    echo "wheel-test: no pyrender, so nothing is compared with it" >&2
 (cd "$work" && "$work/use/bin/python" "$OLDPWD/python/tests/test_surfel.py")
+# The stubs say what the package has.
+"$work/use/bin/pip" install -q --disable-pip-version-check mypy
+(cd "$work" && "$work/use/bin/python" -m mypy.stubtest surfel --ignore-missing-stub)
 echo "wheel-test: $(basename "$wheel") is as it should be"

@@ -194,7 +194,7 @@ pub struct Gpu {
     /// A binding of the frame being recorded could not be made.
     binding_failure: Mutex<Option<vk::Result>>,
     /// Dropped last, after `Drop` has destroyed the device.
-    _fault_guard: Option<faults::FaultGuard>,
+    fault_guard: Option<faults::FaultGuard>,
 }
 
 impl std::fmt::Debug for Gpu {
@@ -217,21 +217,23 @@ impl Gpu {
     /// When there is no loader, no device of Vulkan 1.3 with the features needed, none of the wanted name, no
     /// validation layer although asked for, or a Vulkan call fails.
     pub fn open(options: &DeviceOptions) -> Result<Arc<Self>, Error> {
-        let entry = device::load_entry()?;
         let messages = LayerMessages::default();
+        let entry = device::load_entry()?;
+        // The guard goes last wherever this ends.
+        let (fault_guard, entry) = match &options.call_faults {
+            Some(faults) => {
+                faults.listen(&messages);
+                let (guard, entry) = faults::count(entry, faults);
+                (Some(guard), entry)
+            }
+            None => (None, entry),
+        };
         let instance = device::VulkanInstance::create(&entry, options, &messages)?;
         let mut chosen = device::choose(&entry, &instance, options)?;
         if let Some(narrow) = options.narrowed {
             narrow(&mut chosen.info);
         }
         let (device, queue) = device::create(&instance, &chosen, options)?;
-        let (device, fault_guard) = match &options.call_faults {
-            Some(faults) => {
-                let (device, guard) = faults::count(device, faults);
-                (device, Some(guard))
-            }
-            None => (device, None),
-        };
         // From here on the root owns everything, so that a failure below is cleaned up by its Drop.
         let (instance, messenger, has_debug) = instance.into_parts();
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -289,7 +291,7 @@ impl Gpu {
             compiled_pipelines: AtomicU64::new(0),
             created_resources: AtomicU64::new(0),
             binding_failure: Mutex::new(None),
-            _fault_guard: fault_guard,
+            fault_guard,
         };
         let mut kind = vk::SemaphoreTypeCreateInfo::default()
             .semaphore_type(vk::SemaphoreType::TIMELINE)
@@ -569,8 +571,8 @@ impl Drop for Gpu {
             }
             self.instance.destroy_instance(None);
         }
-        // Dropped last: the loader's library.
-        let _ = &self.entry;
+        // Dropped last: the loader's library, and what counts its calls.
+        let _ = (&self.entry, &self.fault_guard);
     }
 }
 

@@ -74,6 +74,10 @@ impl std::fmt::Debug for WindowSurface {
 
 fn create(gpu: &Gpu, window: &glfw::Window) -> Result<vk::SurfaceKHR, Error> {
     use vk::Handle;
+    let refused = |result| Error::vulkan("glfwCreateWindowSurface", "the window")(result);
+    if let Some(result) = gpu.fault_guard.as_ref().and_then(|g| g.making_surface()) {
+        return Err(refused(result));
+    }
     let mut raw = std::mem::MaybeUninit::uninit();
     // SAFETY: the instance is alive and has the extensions that GLFW asks for (`DeviceOptions::surface_extensions`);
     // the pointer takes one handle, which is written when the call succeeds.
@@ -82,13 +86,7 @@ fn create(gpu: &Gpu, window: &glfw::Window) -> Result<vk::SurfaceKHR, Error> {
         let result = window.create_window_surface(instance, std::ptr::null(), raw.as_mut_ptr());
         match vk::Result::from_raw(result as i32) {
             vk::Result::SUCCESS => raw.assume_init(),
-            result => {
-                return Err(Error::Vulkan {
-                    call: "glfwCreateWindowSurface",
-                    object: "the window".into(),
-                    result,
-                });
-            }
+            result => return Err(refused(result)),
         }
     };
     Ok(vk::SurfaceKHR::from_raw(surface as u64))
@@ -449,7 +447,11 @@ impl WindowSurface {
                 self.is_lost = true;
                 Ok(false)
             }
-            Err(result) => Err(Error::vulkan("vkQueuePresentKHR", "the window")(result)),
+            Err(result) => {
+                // The image may still be acquired and its semaphore signalled: both go with the swapchain.
+                self.is_stale = true;
+                Err(Error::vulkan("vkQueuePresentKHR", "the window")(result))
+            }
         }
     }
 

@@ -24,4 +24,6 @@ mod stability;
 mod stats;
 mod streams;
 mod usage;
+#[cfg(target_os = "linux")]
+mod write_faults;
 mod writing;

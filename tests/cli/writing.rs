@@ -64,7 +64,8 @@ pub(crate) const WRITERS: &[(&str, &str)] = &[
     ),
 ];
 
-fn prepared() -> tempfile::TempDir {
+/// A folder with a model.
+pub(crate) fn prepared() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     expect(
         folder.path(),

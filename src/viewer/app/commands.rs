@@ -367,6 +367,11 @@ impl ViewerApp {
         match free_path("surfel-", ".png") {
             Some(path) if self.orbit.is_some() => match self.save(&path) {
                 Err(Error::Image(error)) => self.warn(&error.to_string()),
+                // A device that was lost is noticed by the next frame.
+                Err(Error::Gpu(error)) if way_after(&error) != RecoveryWay::End => {
+                    self.is_dirty = true;
+                    self.warn(&format!("no picture: {error}"));
+                }
                 Err(error) => return Err(error),
                 Ok(()) => self.inform(&format!("wrote {}", path.display())),
             },
