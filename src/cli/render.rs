@@ -8,6 +8,7 @@ use super::costs::costs_of;
 use super::look::LookArgs;
 use super::mark_args::MarkArgs;
 use super::photo_args::{PhotoArgs, StagedScene, camera_of};
+use super::placement_args::PlacementArgs;
 use super::progress::{Bar, is_interrupted};
 use super::rendered_picture::{RenderedPicture, numbered};
 use super::source::{ColorArgs, PageArgs, Source, parse_wait};
@@ -20,6 +21,7 @@ use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
 use surfel::image::{MarkedLines, PictureMarks};
 use surfel::math::measured_line::MeasureList;
+use surfel::mesh::placement::MeshPlacement;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::engine::{Backend, Engine, smooth_threshold};
@@ -144,6 +146,7 @@ Examples:
   surfel render tile.laz -o ground.png --keep class=2,6 --keep height=..80
   surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
   surfel render house.ply trees.ply -o place.png         several models in one picture
+  surfel render a.ply b.ply -o pair.png --transform none --transform b-to-a.txt --model-color none --model-color '#4a90d9'
   surfel render castle.ply -o castle.png --photos castle      photographs on the model
   surfel render --scene fence -o fence.png --splat filtered   what a method does where it is hard (surfel scenes)";
 
@@ -158,6 +161,8 @@ pub(crate) struct Args {
     /// More models, drawn in the same picture
     #[arg(value_name = "MODEL", index = 2)]
     more: Vec<PathBuf>,
+    #[command(flatten)]
+    placement: PlacementArgs,
     #[command(flatten)]
     color: ColorArgs,
     #[command(flatten)]
@@ -316,15 +321,17 @@ impl Args {
         &self,
         first: &OpenedModel,
         streams_pages: bool,
+        placements: &[MeshPlacement],
         quiet: bool,
     ) -> Result<Vec<OpenedModel>, Failure> {
         let mut others = Vec::with_capacity(self.more.len());
-        for path in &self.more {
+        for (path, placement) in self.more.iter().zip(placements) {
             let source = Source {
                 model: path.clone(),
                 ..self.source.clone()
             };
-            let mut other = source.open_as(&self.color, streams_pages, &Bar::new(quiet))?;
+            let mut other =
+                source.open_as(&self.color, streams_pages, *placement, &Bar::new(quiet))?;
             let moving = Bar::new(quiet);
             let origin = first.model.origin;
             other.model = match &other.paged {
@@ -426,8 +433,11 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         ));
     }
     let streams_pages = settings.method == Method::Pop && !args.look.is_auto();
-    let ready = (args.source).open_as(&args.color, streams_pages, &Bar::new(quiet))?;
-    let others = args.open_others(&ready, streams_pages, quiet)?;
+    let placements = args.placement.of_models(1 + args.more.len())?;
+    let bar = Bar::new(quiet);
+    let ready = (args.source).open_as(&args.color, streams_pages, placements[0], &bar)?;
+    drop(bar);
+    let others = args.open_others(&ready, streams_pages, &placements[1..], quiet)?;
     let mut models = vec![&ready.model];
     models.extend(others.iter().map(|other| &other.model));
     let sphere = (models.iter().map(|model| model.orbit_sphere()))

@@ -44,6 +44,9 @@ pub struct StoredWindow {
     /// Time that frames are held to while the view moves, milliseconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame_ms: Option<f64>,
+    /// Files that were shown, the last one first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub recent: Vec<PathBuf>,
 }
 
 /// How models are drawn; names as on the command line.
@@ -93,6 +96,7 @@ impl Default for StoredWindow {
             axes: false,
             parallel_light: false,
             frame_ms: None,
+            recent: Vec::new(),
         }
     }
 }
@@ -406,6 +410,7 @@ mod tests {
                 axes: true,
                 parallel_light: true,
                 frame_ms: Some(33.0),
+                recent: vec!["/scans/a b.ply".into()],
             },
             look: StoredLook::of(&settings),
         };
