@@ -1,8 +1,8 @@
 //! Pictures as `surfel render` writes them by default, beside one exact sample a pixel: mean FLIP to 64 samples of every
 //! triangle, and the time.
 //!
-//! Where the default takes 64 samples itself, they lie where those of the reference do: what is left is then the error of
-//! its splats alone. A model is seen from three distances, where the default may have a third of that sample's error. The
+//! The reference's samples are even in the pixel, not a grid, which gives edges along an axis only 8 levels. Where the default
+//! takes 64 samples itself, they lie where those of the reference do: what is left is then the error of its splats alone. A model is seen from three distances, where the default may have a third of that sample's error. The
 //! scenes of the stability table are seen from their own cameras, and a blade thinner than a pixel from its edge: there it may
 //! have all of it.
 
@@ -10,7 +10,6 @@ use super::cases::{self, SIZE, views};
 use super::verdict::BenchTarget;
 use super::{BenchCase, BenchFigure, BenchPlace, BenchSession, Error, Plan};
 use crate::chart::errors::object_flip;
-use crate::chart::run::reference_settings;
 use crate::math::camera::{Camera, View};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
@@ -23,9 +22,6 @@ use std::time::Instant;
 
 const PART: &str = "pictures";
 const LINE: &str = "default picture";
-
-/// Samples a pixel along one side of the reference's grid.
-const REFERENCE_SIDE: u32 = 8;
 
 /// Largest part of the error of one exact sample that the default may have.
 const ERROR_PART: f64 = 1.0 / 3.0;
@@ -41,7 +37,7 @@ const SCENE_PART: f64 = 1.0;
 struct JudgedSettings {
     /// As the default draws it.
     smooth: Settings,
-    /// All that is there: every triangle, or every point of a cloud as a disc.
+    /// All that is there: every triangle, or every point of a cloud.
     plain: Settings,
 }
 
@@ -52,7 +48,10 @@ impl JudgedSettings {
         smooth.threshold_px = smooth_threshold(&smooth, is_surface).unwrap_or(smooth.threshold_px);
         let plain = match is_surface {
             true => cases::triangles().settings,
-            false => reference_settings(true),
+            false => Settings {
+                threshold_px: 0.0,
+                ..smooth
+            },
         };
         Self { smooth, plain }
     }
@@ -76,7 +75,7 @@ impl FoundPictures {
     ) -> Result<(), Error> {
         let JudgedSettings { smooth, plain } = settings;
         // As a file holds it: bytes, like the pictures that are compared with it.
-        let reference = engine.supersample(view, plain, REFERENCE_SIDE)?.to_image();
+        let reference = engine.mean_of_even(view, plain)?.to_image();
         let exact = engine.render(view, plain)?;
         // Shaders are compiled at the first draw.
         engine.draw(view, smooth)?;

@@ -312,6 +312,12 @@ impl LookArgs {
         Ok(look)
     }
 
+    /// Takes the looks that show shape best, for what a person looks at, where nothing is said of them.
+    pub(crate) fn default_for_people(&mut self) {
+        self.darkening.default_for_people();
+        self.light.default_for_people();
+    }
+
     /// Takes what colors the points of a cloud, if that was asked for: then light falls on those colors.
     pub(crate) fn take_point_color(&mut self) -> Option<PointColoring> {
         let shading = ColorChoice::Picture(ColorByName::Shading);

@@ -214,7 +214,7 @@ pub(crate) struct Args {
     /// Draw from the pose of a photograph of --photos: its name or its number from 0
     #[arg(long, value_name = "PHOTO", requires = "photos", conflicts_with_all = ["camera", "orbit", "frames"])]
     camera_of: Option<String>,
-    /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64 [default: 16, or 64 where those differ much; 1 with --depth, --normals, --scene and colors that are data]
+    /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64 [default: 32, or 64 where those differ much; 1 with --depth, --normals, --scene and colors that are data]
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Draw measures over the picture, as Ctrl S in the window writes them
@@ -416,7 +416,11 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     args.check()?;
     args.auto.check(args.look.is_auto())?;
-    args.look.darkening.default_for_people();
+    // A scene shows what a method does, as measuring commands draw it.
+    match args.scene {
+        Some(_) => args.look.darkening.default_eye_dome(),
+        None => args.look.default_for_people(),
+    }
     args.look.background.may_be_transparent = true;
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings_to_choose()?;

@@ -151,7 +151,7 @@ impl From<viewer::Error> for Failure {
 }
 
 pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
-    args.look.darkening.default_for_people();
+    args.look.default_for_people();
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings()?;
     let gpu = args.device.options();

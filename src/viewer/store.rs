@@ -4,8 +4,8 @@ use super::choices::{self, name_of, named};
 use super::lamp;
 use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Lighting, Phong};
-use crate::render::EyeDome;
 use crate::render::Settings;
+use crate::render::{AmbientOcclusion, EyeDome};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -105,6 +105,8 @@ impl Default for StoredLook {
     fn default() -> Self {
         Self::of(&Settings {
             eye_dome: EyeDome::Auto,
+            ambient_occlusion: AmbientOcclusion::Auto,
+            light: Lighting::Sphere(LitSphere::Studio),
             ..Settings::default()
         })
     }
@@ -357,9 +359,7 @@ mod tests {
     use super::*;
     use crate::cut::SizeMetric;
     use crate::pack::ColorBy;
-    use crate::render::{
-        AmbientOcclusion, Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind,
-    };
+    use crate::render::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
 
     #[test]
     fn what_was_saved_is_loaded() {
@@ -367,6 +367,8 @@ mod tests {
         let path = folder.path().join("new/viewer.toml");
         let usual = Settings {
             eye_dome: EyeDome::Auto,
+            ambient_occlusion: AmbientOcclusion::Auto,
+            light: Lighting::Sphere(LitSphere::Studio),
             ..Settings::default()
         };
         assert_eq!(
