@@ -81,7 +81,7 @@ impl KeepArgs {
 pub(crate) struct SurfaceArgs {
     /// Normals of surfaces [default: file]
     #[arg(long, value_enum, value_name = "NORMALS")]
-    shading: Option<SurfaceShading>,
+    shading: Option<NormalsChoice>,
     /// Edges of more than this angle are sharp; 0 shades each triangle flat, 180 smooths all, both without the file's normals [default: 40]
     #[arg(long, value_name = "DEGREES", value_parser = parse_crease)]
     crease: Option<f32>,
@@ -95,7 +95,7 @@ pub(crate) struct SurfaceArgs {
 
 /// Which normals surfaces have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum SurfaceShading {
+pub(crate) enum NormalsChoice {
     /// One for each triangle
     Flat,
     /// Computed: smooth but for edges of more than --crease degrees
@@ -107,7 +107,7 @@ pub(crate) enum SurfaceShading {
 impl SurfaceArgs {
     /// The crease angle of the options of opening: none keeps the normals of the file.
     fn crease_degrees(self) -> Result<Option<f32>, Failure> {
-        use SurfaceShading::{File, Flat, Smooth};
+        use NormalsChoice::{File, Flat, Smooth};
         match (self.shading, self.crease) {
             (Some(name @ (Flat | File)), Some(_)) => Err(usage(format!(
                 "--crease is of computed normals: --shading smooth, not {}",

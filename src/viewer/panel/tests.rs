@@ -1,6 +1,8 @@
 //! Every control of the panel, found as a screen reader finds it: it has a tooltip that names a key, and that key is one.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod recent;
+
 use super::*;
 use crate::image::MarkChoice;
 use crate::math::camera::Light;
@@ -305,30 +307,6 @@ fn every_control_has_a_tooltip_with_its_key() {
     }
     assert!(names.len() > 25, "{names:?}");
     assert!(!names_a_key("Nothing") && !names_a_key("Light (no key)") && names_a_key("Light (L)"));
-}
-
-#[test]
-fn recent_files_unfold_and_open() {
-    let (facts, settings) = (facts(), Settings::default());
-    let files: Vec<PathBuf> = vec!["/scans/one.ply".into(), "/scans/two.obj".into()];
-    let with = |recent| PanelState {
-        recent,
-        ..state(&settings, &facts)
-    };
-    let mut stage = Stage::new();
-    let names = |stage: &mut Stage, recent| -> Vec<Seen> {
-        let controls = stage.controls(&with(recent));
-        let of_files = |seen: &Seen| ["Recent files", "one.ply", "two.obj"].contains(&&*seen.name);
-        controls.into_iter().filter(of_files).collect()
-    };
-    assert!(names(&mut stage, &[]).is_empty(), "there are none");
-    let folded = names(&mut stage, &files);
-    assert_eq!(folded.len(), 1, "{folded:?}");
-    stage.click(&with(&files), folded[0].middle);
-    let unfolded = names(&mut stage, &files);
-    assert_eq!(unfolded.len(), 3, "{unfolded:?}");
-    let wishes = stage.click(&with(&files), unfolded[2].middle);
-    assert_eq!(wishes, [PanelWish::Open(files[1].clone())]);
 }
 
 #[test]
