@@ -351,9 +351,11 @@ fn what_a_click_does_a_key_does() {
                     new.depth_offset.is_none() && commands.contains(&Command::UsualDepthOffset)
                 }
                 PanelWish::Light(_) => commands.contains(&Command::Light),
-                PanelWish::Show { .. } | PanelWish::Photograph(_) | PanelWish::RemoveMeasure(_) => {
-                    false
-                }
+                PanelWish::Normals(_) => commands.contains(&Command::Normals),
+                PanelWish::Show { .. }
+                | PanelWish::Photograph(_)
+                | PanelWish::RemoveMeasure(_)
+                | PanelWish::Open(_) => false,
                 PanelWish::FrameTime(_) => commands.contains(&Command::FrameTime(1)),
             };
             assert!(
