@@ -495,7 +495,7 @@ fn listed_color<S: Source>(
     let mut color = [0.0; 3];
     for index in 0..read_length(job, source, count, item)? as usize {
         let value = item.color_value(source.dispensable(job, item, Fault::COLOR)?);
-        color.get_mut(index).map(|channel| *channel = value);
+        (color.iter_mut().skip(index).take(1)).for_each(|channel| *channel = value);
     }
     Ok(color)
 }
