@@ -23,6 +23,7 @@ use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
+use crate::mesh::placement::MeshPlacement;
 use crate::pages;
 use crate::pages::file::PagedFile;
 use crate::pages::qs::{self, QsCloud};
@@ -49,6 +50,8 @@ pub struct OpenOptions {
     /// [`OpenedModel::paged`] has the file, for [`PagedModel`](crate::render::paged_model::PagedModel). Else all are read and
     /// joined.
     pub streams_pages: bool,
+    /// Where the model stands, and its color; trees, which are built already, have their own.
+    pub placement: MeshPlacement,
     /// What is kept of the model; its tree is that of the whole, cut down ([`Model::kept`]).
     pub keep: PointFilter,
     /// How the tree is built. A crease angle replaces the normals of the file; without one these are kept, and where there
@@ -292,9 +295,14 @@ pub fn open_with_preview(
         }
         .into());
     }
+    let placed = place(found.content, &options.placement);
+    let content = placed.map_err(|cause| input::Error::Placement {
+        path: source.to_owned(),
+        cause,
+    })?;
     let load_ms = milliseconds_since(start);
     let mut attributes = found.attributes;
-    let (model, build_ms) = match found.content {
+    let (model, build_ms) = match content {
         Content::Model(model) => (*model, 0.0),
         Content::Mesh(mut mesh) => {
             let mut building = options.tree;
@@ -350,6 +358,19 @@ pub fn open_with_preview(
 
 fn milliseconds_since(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
+}
+
+/// Puts what was read where it is to stand.
+fn place(mut content: Content, placement: &MeshPlacement) -> Result<Content, String> {
+    match &mut content {
+        _ if placement.is_identity() => {}
+        Content::Mesh(mesh) => placement.apply(mesh)?,
+        Content::Cloud(_) | Content::Model(_) => {
+            let cause = "a tree stays where it was built and has its colors; name the file that it was built from";
+            return Err(cause.to_owned());
+        }
+    }
+    Ok(content)
 }
 
 /// What a source holds.

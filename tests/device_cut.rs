@@ -9,6 +9,7 @@ use surfel::generate::GeneratedShape;
 use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
+use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::render::PictureOutputs;
 use surfel::render::cost::model::DrawCosts;
@@ -16,7 +17,9 @@ use surfel::render::stats::FrameTimes;
 use surfel::render::stats::KeptWork;
 use surfel::render::vulkan::renderer::VulkanRenderer;
 use surfel::render::vulkan::scene::DeviceScene;
-use surfel::render::{Blend, Culling, CutOn, Method, Path, Settings, SplatKind};
+use surfel::render::{
+    AmbientOcclusion, Blend, Culling, CutOn, EyeDome, Method, Path, Settings, SplatKind,
+};
 use surfel::tree::Model;
 
 const SIZE: (u32, u32) = (240, 200);
@@ -116,8 +119,12 @@ fn the_device_cut_is_drawn_in_every_light_and_color() {
     let mut renderer = renderer(&device);
     let view = orbit(&model, SIZE, 130.0, 25.0, 1.0);
     let lamp = |s: &mut Settings| s.light = Lighting::Phong(Phong::default());
-    let changes: [&dyn Fn(&mut Settings); 4] = [
+    let changes: [&dyn Fn(&mut Settings); 8] = [
         &lamp,
+        &|s| s.light = Lighting::Sphere(LitSphere::Studio),
+        &|s| s.ambient_occlusion = AmbientOcclusion::On,
+        &|s| s.eye_dome = EyeDome::On,
+        &|s| s.background_bottom = Some([0.0, 0.2, 0.5]),
         &|s| s.color_by = ColorBy::Primitive,
         &|s| s.color_by = ColorBy::Normal,
         &|s| s.color_by = ColorBy::Depth,

@@ -8,8 +8,11 @@ mod catalog;
 
 use catalog::{GoldenCase, PictureExecutor, cases};
 use std::path::Path;
+use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{ColorBy, Lighting, Phong};
-use surfel::render::{Blend, Method, Reconstruction, Shading, SplatKind};
+use surfel::render::{
+    AmbientOcclusion, Blend, EyeDome, Method, Reconstruction, Shading, SplatKind,
+};
 
 /// What shows that a promise is kept.
 #[derive(Debug, Clone, Copy)]
@@ -135,6 +138,23 @@ const TABLE: &[ExecutorPromise] = &[
         "a lamp, on filtered splats",
         &["lamp-filtered"],
         NO_DEVICE_CUT,
+    ),
+    technique(
+        "lights that go with the camera, on opaque splats and triangles",
+        &["studio", "clay", "metal-triangles"],
+        DEVICE_CUT_COLORS,
+    ),
+    technique(
+        "lights that go with the camera, on blended splats",
+        &["porcelain-filtered", "metal-gauss"],
+        NO_DEVICE_CUT,
+    ),
+    technique("ambient occlusion", &["occlusion"], DEVICE_CUT_COLORS),
+    technique("eye-dome lighting", &["eye-dome"], DEVICE_CUT_COLORS),
+    technique(
+        "a background of two colors",
+        &["gradient"],
+        DEVICE_CUT_COLORS,
     ),
     technique("overdraw", &["overdraw"], NO_DEVICE_CUT),
     technique("color by primitive", &["primitive"], DEVICE_CUT_COLORS),
@@ -377,13 +397,25 @@ fn every_setting_has_a_golden_case() {
             case.settings.color_by == color_by
         });
     }
-    for light in [Lighting::Headlight, Lighting::Phong(Phong::default())] {
-        let is_lamp = match light {
-            Lighting::Headlight => false,
-            Lighting::Phong(_) | Lighting::Sphere(_) => true,
-        };
+    let kind = |light: &Lighting| match light {
+        Lighting::Headlight => "headlight",
+        Lighting::Phong(_) => "lamp",
+        Lighting::Sphere(sphere) => sphere.name(),
+    };
+    let spheres = all!(LitSphere: Studio, Clay, Porcelain, Metal);
+    let lights = spheres.into_iter().map(Lighting::Sphere);
+    for light in lights.chain([Lighting::Headlight, Lighting::Phong(Phong::default())]) {
         has(format!("{light:?}"), &|case| {
-            matches!(case.settings.light, Lighting::Phong(_)) == is_lamp
+            kind(&case.settings.light) == kind(&light)
         });
     }
+    has("eye-dome lighting".into(), &|case| {
+        case.settings.eye_dome == EyeDome::On
+    });
+    has("ambient occlusion".into(), &|case| {
+        case.settings.ambient_occlusion == AmbientOcclusion::On
+    });
+    has("a background of two colors".into(), &|case| {
+        case.settings.background_bottom.is_some()
+    });
 }

@@ -22,7 +22,8 @@ Examples:
   surfel bench --large --only growth           one view of up to 64 million triangles; needs 8 GB of memory
   surfel bench --case statue --only cut --only rates
   surfel bench scan.ply                        a model of your own beside the standard ones
-  surfel bench --files-only --only pictures *.ply
+  surfel bench --only pictures --case dragon *.ply      default pictures of the dragon, files, hard scenes and a thin blade
+  surfel bench --only pictures --files-only *.ply        of the files alone
 
 Parts: rates (primitives a second, the empty frame), cut, frames (beside plain triangles), accuracy (time against error,
 beside rays and simplified meshes where built with the feature rivals), pictures (the default of `surfel render` beside
@@ -261,14 +262,19 @@ fn load(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
         surface: SurfaceArgs::default(),
         keep: KeepArgs::default(),
     };
-    let ready = source.open_with(bar)?;
-    if !ready.model.kind().is_surface() {
-        return Err(usage(format!(
+    source.open_with(bar)
+}
+
+/// Opens a model that is compared with its triangles.
+fn load_surface(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
+    let ready = load(path, bar)?;
+    match ready.model.kind().is_surface() {
+        true => Ok(ready),
+        false => Err(usage(format!(
             "{}: bench compares with triangles, and there are none in it",
             ready.name
-        )));
+        ))),
     }
-    Ok(ready)
 }
 
 fn models(
@@ -295,7 +301,7 @@ fn models(
         if !is_rated && !Part::OF_MODELS.iter().any(|part| args.wants(*part)) {
             continue;
         }
-        let ready = load(path, bar)?;
+        let ready = load_surface(path, bar)?;
         let is_dragon = ready.model.triangles.len() as u64 == CaseStandard::Dragon.triangles();
         let name = if is_dragon {
             CaseStandard::Dragon.name()
@@ -330,10 +336,42 @@ fn models(
             }
         }
     }
+    if args.wants(Part::Pictures) && !args.files_only {
+        scenes(session, figures, bar)?;
+    }
     if args.wants(Part::Growth) && args.wants_case(CaseStandard::Statue) {
         grow(args, session, plan, figures, bar)?;
     }
     Ok(())
+}
+
+/// Default pictures of the scenes of the stability table, and of a blade thinner than a pixel.
+fn scenes(session: &BenchSession, figures: &mut Figures, bar: &Bar) -> Outcome {
+    let entries = surfel::scenes::ALL;
+    bar.stage("pictures of scenes", entries.len() as u64);
+    let mut found = Vec::new();
+    for entry in entries {
+        let opened = load(Path::new(&format!("scene:{}", entry.name)), &Bar::new(true))?;
+        let Some(scene) = &opened.scene else {
+            unreachable!("{} is a scene", entry.name)
+        };
+        let case = BenchCase {
+            name: entry.name,
+            model: &opened.model,
+        };
+        found.extend(pictures::figures_of_scene(session, &case, &scene.camera)?);
+        bar.advance(1);
+    }
+    let (blade, camera) = pictures::blade(bar)?;
+    let case = BenchCase {
+        name: "blade",
+        model: &blade,
+    };
+    found.extend(pictures::figures_of_scene(session, &case, &camera)?);
+    figures.add(
+        "default picture: scenes, and a blade of 0.6 x 129 units from its edge",
+        found,
+    )
 }
 
 /// One view of the statue with ever more triangles.
@@ -357,7 +395,7 @@ fn grow(
     let mut models = Vec::new();
     for &count in counts {
         let path = format!("generate:statue:{}", scale(count));
-        models.push(load(Path::new(&path), bar)?.model);
+        models.push(load_surface(Path::new(&path), bar)?.model);
     }
     let cases: Vec<BenchCase<'_>> = models
         .iter()

@@ -70,7 +70,7 @@ impl Args {
 /// Builds the model piece by piece; `false` where it must be read whole.
 fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Result<bool, Failure> {
     let bar = Bar::new(quiet);
-    let options = args.source.options();
+    let options = args.source.options()?;
     if args.source.weld {
         let cause = "--weld needs the whole model in memory: leave it or --memory out";
         return Err(super::usage(cause));
@@ -205,6 +205,13 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let mut ready = args.source.open(quiet)?;
     if args.patches {
         keep_patches(&mut ready, quiet)?;
+    }
+    if let Some(textures) = &ready.model.textures {
+        say(&format!(
+            "surfel: {}: warning: tree files keep no images: of {} each triangle keeps its mean color; near views of the model's own file show more",
+            ready.name,
+            count(textures.images.len() as u64)
+        ));
     }
     let start = Instant::now();
     // The model was good; only the file can fail here, and that is no bad input.

@@ -35,7 +35,7 @@ pub(crate) struct DarkeningArgs {
     #[arg(long, value_name = "FACTOR", default_value = "1")]
     pub(crate) eye_dome_strength: f32,
     /// Whether pixels are darkened whose sky is hidden by what is around them (ambient occlusion in screen space), so that shape
-    /// shows in even light; of shaded colors [default: off]
+    /// shows in even light; of shaded colors [default: auto in surfel render and the window, else off]
     #[arg(long, value_enum, value_name = "SWITCH")]
     ambient_occlusion: Option<AmbientOcclusionName>,
     /// How strong ambient occlusion is, 0 to 10
@@ -47,8 +47,15 @@ pub(crate) struct DarkeningArgs {
 }
 
 impl DarkeningArgs {
-    /// Takes eye-dome lighting of points without normals for what a person looks at, where nothing is said of it.
+    /// Takes eye-dome lighting of points without normals, and ambient occlusion of the rest, for what a person looks at, where
+    /// nothing is said of it.
     pub(crate) fn default_for_people(&mut self) {
+        self.default_eye_dome();
+        (self.ambient_occlusion).get_or_insert(AmbientOcclusionName::Auto);
+    }
+
+    /// Takes eye-dome lighting alone.
+    pub(crate) fn default_eye_dome(&mut self) {
         self.eye_dome.get_or_insert(EyeDomeName::Auto);
     }
 

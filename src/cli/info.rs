@@ -7,6 +7,7 @@ use serde_json::json;
 use std::fmt::Write;
 use surfel::OpenedModel;
 use surfel::input::FilePart;
+use surfel::mesh::placement::MeshPlacement;
 use surfel::photos::formats::locate_scene;
 
 /// Say what is in a model file, or in a scene of photographs.
@@ -125,7 +126,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     if path.is_dir() || locate_scene(path).is_ok() {
         return super::photos::info(path, args.json);
     }
-    let ready = (args.source).open_as(&ColorArgs::default(), true, &Bar::new(quiet))?;
+    let ready = (args.source).open_as(
+        &ColorArgs::default(),
+        true,
+        MeshPlacement::default(),
+        &Bar::new(quiet),
+    )?;
     let facts = facts(&ready);
     if args.json {
         let text = serde_json::to_string_pretty(&facts).map_err(|e| Failure::Run(e.into()))?;

@@ -37,9 +37,9 @@ impl LightName {
 /// Where light comes from.
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct LightArgs {
-    /// Where light comes from
-    #[arg(long, value_enum, default_value = "headlight")]
-    light: LightName,
+    /// Where light comes from [default: studio in surfel render and the window, else headlight]
+    #[arg(long, value_enum)]
+    light: Option<LightName>,
     /// Direction of the lamp as the camera sees it, in degrees: 0,0 comes from the viewer, 90,0 from the right, 0,90 from above [default: -30,30]
     #[arg(long, value_name = "AZIMUTH,ELEVATION", value_parser = parse_direction, allow_hyphen_values = true)]
     light_at: Option<[f64; 2]>,
@@ -58,9 +58,15 @@ pub(crate) struct LightArgs {
 }
 
 impl LightArgs {
+    /// Takes the light that shows shape best for what a person looks at, where nothing is said of it.
+    pub(crate) fn default_for_people(&mut self) {
+        self.light.get_or_insert(LightName::Studio);
+    }
+
     pub(crate) fn lighting(&self) -> Result<Lighting, Failure> {
-        if self.light != LightName::Phong {
-            let sphere = self.light.sphere();
+        let light = self.light.unwrap_or(LightName::Headlight);
+        if light != LightName::Phong {
+            let sphere = light.sphere();
             let given = [
                 ("--light-at", self.light_at.is_some()),
                 ("--light-position", self.light_position.is_some()),

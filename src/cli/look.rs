@@ -9,6 +9,7 @@ use super::vertex_splats::VertexSplatArgs;
 use super::{Failure, usage};
 use clap::builder::Resettable;
 use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
+use std::ffi::OsString;
 use surfel::cut::SizeMetric;
 use surfel::input::PointColoring;
 use surfel::pack::ColorBy;
@@ -229,7 +230,7 @@ pub(crate) struct LookArgs {
     blend: Option<BlendName>,
     /// When blended splats are lit
     #[arg(long, value_enum, default_value = "per-splat")]
-    shading: ShadingName,
+    splat_shading: ShadingName,
     /// Floats that blended splats are summed in [default: float where the device can blend them, else half]
     #[arg(long, value_enum)]
     sums: Option<SumName>,
@@ -295,7 +296,8 @@ impl LookArgs {
                 .disable_help_flag(true)
                 .mut_args(|arg| arg.default_value(Resettable::Reset));
         let mut look = self.clone();
-        let parsed = command.try_get_matches_from_mut(text.split_whitespace());
+        let words = super::renamed::in_words(text.split_whitespace().map(OsString::from).collect());
+        let parsed = command.try_get_matches_from_mut(words);
         parsed
             .and_then(|mut matches| look.update_from_arg_matches_mut(&mut matches))
             .map_err(|error| {
@@ -308,6 +310,12 @@ impl LookArgs {
         look.one_sided |= self.one_sided;
         look.no_colors |= self.no_colors;
         Ok(look)
+    }
+
+    /// Takes the looks that show shape best, for what a person looks at, where nothing is said of them.
+    pub(crate) fn default_for_people(&mut self) {
+        self.darkening.default_for_people();
+        self.light.default_for_people();
     }
 
     /// Takes what colors the points of a cloud, if that was asked for: then light falls on those colors.
@@ -401,7 +409,7 @@ impl LookArgs {
             vertex_splats: self.vertex_splats.rules(self.method.into())?,
             patches: self.errors.rules(self.method.into())?,
             blend: self.blend.map(Blend::from),
-            shading: match self.shading {
+            shading: match self.splat_shading {
                 ShadingName::PerSplat => Shading::PerSplat,
                 ShadingName::Deferred => Shading::Deferred,
             },

@@ -26,8 +26,10 @@ mod motion;
 mod patches;
 mod photo_args;
 mod photos;
+mod placement_args;
 mod profile;
 mod progress;
+mod renamed;
 mod render;
 mod rendered_picture;
 mod reproduce;
@@ -258,7 +260,8 @@ enum Command {
 /// (`args_conflicts_with_subcommands` would refuse these as well).
 fn parse() -> Result<Cli, clap::Error> {
     let mut command = Cli::command();
-    let matches = command.try_get_matches_from_mut(std::env::args_os())?;
+    let matches =
+        command.try_get_matches_from_mut(renamed::in_words(std::env::args_os().collect()))?;
     let is_given = |arg: &&clap::Arg| {
         matches.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine)
     };

@@ -8,6 +8,7 @@ use super::costs::costs_of;
 use super::look::LookArgs;
 use super::mark_args::MarkArgs;
 use super::photo_args::{PhotoArgs, StagedScene, camera_of};
+use super::placement_args::PlacementArgs;
 use super::progress::{Bar, is_interrupted};
 use super::rendered_picture::{RenderedPicture, numbered};
 use super::source::{ColorArgs, PageArgs, Source, parse_wait};
@@ -20,6 +21,7 @@ use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
 use surfel::image::{MarkedLines, PictureMarks};
 use surfel::math::measured_line::MeasureList;
+use surfel::mesh::placement::MeshPlacement;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::engine::{Backend, Engine, smooth_threshold};
@@ -144,6 +146,7 @@ Examples:
   surfel render tile.laz -o ground.png --keep class=2,6 --keep height=..80
   surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
   surfel render house.ply trees.ply -o place.png         several models in one picture
+  surfel render a.ply b.ply -o pair.png --transform none --transform b-to-a.txt --model-color none --model-color '#4a90d9'
   surfel render castle.ply -o castle.png --photos castle      photographs on the model
   surfel render --scene fence -o fence.png --splat filtered   what a method does where it is hard (surfel scenes)";
 
@@ -158,6 +161,8 @@ pub(crate) struct Args {
     /// More models, drawn in the same picture
     #[arg(value_name = "MODEL", index = 2)]
     more: Vec<PathBuf>,
+    #[command(flatten)]
+    placement: PlacementArgs,
     #[command(flatten)]
     color: ColorArgs,
     #[command(flatten)]
@@ -209,7 +214,7 @@ pub(crate) struct Args {
     /// Draw from the pose of a photograph of --photos: its name or its number from 0
     #[arg(long, value_name = "PHOTO", requires = "photos", conflicts_with_all = ["camera", "orbit", "frames"])]
     camera_of: Option<String>,
-    /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64 [default: 16, or 64 where those differ much; 1 with --depth, --normals, --scene and colors that are data]
+    /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64 [default: 32, or 64 where those differ much; 1 with --depth, --normals, --scene and colors that are data]
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Draw measures over the picture, as Ctrl S in the window writes them
@@ -316,15 +321,17 @@ impl Args {
         &self,
         first: &OpenedModel,
         streams_pages: bool,
+        placements: &[MeshPlacement],
         quiet: bool,
     ) -> Result<Vec<OpenedModel>, Failure> {
         let mut others = Vec::with_capacity(self.more.len());
-        for path in &self.more {
+        for (path, placement) in self.more.iter().zip(placements) {
             let source = Source {
                 model: path.clone(),
                 ..self.source.clone()
             };
-            let mut other = source.open_as(&self.color, streams_pages, &Bar::new(quiet))?;
+            let mut other =
+                source.open_as(&self.color, streams_pages, *placement, &Bar::new(quiet))?;
             let moving = Bar::new(quiet);
             let origin = first.model.origin;
             other.model = match &other.paged {
@@ -409,7 +416,11 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     args.check()?;
     args.auto.check(args.look.is_auto())?;
-    args.look.darkening.default_for_people();
+    // A scene shows what a method does, as measuring commands draw it.
+    match args.scene {
+        Some(_) => args.look.darkening.default_eye_dome(),
+        None => args.look.default_for_people(),
+    }
     args.look.background.may_be_transparent = true;
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings_to_choose()?;
@@ -426,8 +437,11 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         ));
     }
     let streams_pages = settings.method == Method::Pop && !args.look.is_auto();
-    let ready = (args.source).open_as(&args.color, streams_pages, &Bar::new(quiet))?;
-    let others = args.open_others(&ready, streams_pages, quiet)?;
+    let placements = args.placement.of_models(1 + args.more.len())?;
+    let bar = Bar::new(quiet);
+    let ready = (args.source).open_as(&args.color, streams_pages, placements[0], &bar)?;
+    drop(bar);
+    let others = args.open_others(&ready, streams_pages, &placements[1..], quiet)?;
     let mut models = vec![&ready.model];
     models.extend(others.iter().map(|other| &other.model));
     let sphere = (models.iter().map(|model| model.orbit_sphere()))

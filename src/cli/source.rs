@@ -6,6 +6,8 @@ use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
 use surfel::input::{self, ColorSetting, FieldCondition, PointColoring, PointFilter};
+use surfel::mesh::creases::USUAL_CREASE_DEGREES;
+use surfel::mesh::placement::MeshPlacement;
 use surfel::progress::Progress;
 use surfel::render::paged_model::{FilePrefix, PagedModelOptions};
 use surfel::tree::{BuildOptions, SplitRule};
@@ -77,7 +79,10 @@ impl KeepArgs {
 /// How surfaces are shaded where triangles meet.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub(crate) struct SurfaceArgs {
-    /// Edges of more than this angle are sharp; 0 shades each triangle flat, 180 smooths all, both without the file's normals [default: the file's normals, else 40]
+    /// Normals of surfaces [default: file]
+    #[arg(long, value_enum, value_name = "NORMALS")]
+    shading: Option<NormalsChoice>,
+    /// Edges of more than this angle are sharp; 0 shades each triangle flat, 180 smooths all, both without the file's normals [default: 40]
     #[arg(long, value_name = "DEGREES", value_parser = parse_crease)]
     crease: Option<f32>,
     /// How triangles are divided into nodes: along the longest axis, or so that nodes are flat, for patches (builds longer)
@@ -86,6 +91,34 @@ pub(crate) struct SurfaceArgs {
     /// Show the images that the file names on its surfaces; without, the colors of materials and vertices
     #[arg(long, value_name = "WHETHER", value_enum, default_value_t)]
     textures: TextureChoice,
+}
+
+/// Which normals surfaces have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum NormalsChoice {
+    /// One for each triangle
+    Flat,
+    /// Computed: smooth but for edges of more than --crease degrees
+    Smooth,
+    /// Those of the file; where it has none, smooth
+    File,
+}
+
+impl SurfaceArgs {
+    /// The crease angle of the options of opening: none keeps the normals of the file.
+    fn crease_degrees(self) -> Result<Option<f32>, Failure> {
+        use NormalsChoice::{File, Flat, Smooth};
+        match (self.shading, self.crease) {
+            (Some(name @ (Flat | File)), Some(_)) => Err(usage(format!(
+                "--crease is of computed normals: --shading smooth, not {}",
+                if name == Flat { "flat" } else { "file" }
+            ))),
+            (Some(Flat), None) => Ok(Some(0.0)),
+            (Some(Smooth), crease) => Ok(Some(crease.unwrap_or(USUAL_CREASE_DEGREES))),
+            (Some(File), None) => Ok(None),
+            (None, crease) => Ok(crease),
+        }
+    }
 }
 
 /// [`SplitRule`] by its name.
@@ -242,8 +275,12 @@ pub(crate) enum Framing {
 }
 
 /// The options of opening that the arguments ask for.
-pub(crate) fn open_options(weld: bool, frame: Framing, surface: SurfaceArgs) -> OpenOptions {
-    OpenOptions {
+pub(crate) fn open_options(
+    weld: bool,
+    frame: Framing,
+    surface: SurfaceArgs,
+) -> Result<OpenOptions, Failure> {
+    Ok(OpenOptions {
         input: input::Options {
             weld,
             textures: surface.textures == TextureChoice::On,
@@ -251,25 +288,26 @@ pub(crate) fn open_options(weld: bool, frame: Framing, surface: SurfaceArgs) -> 
         },
         frame_all: frame == Framing::All,
         streams_pages: false,
+        placement: MeshPlacement::default(),
         keep: PointFilter::default(),
         tree: BuildOptions {
-            crease_degrees: surface.crease,
+            crease_degrees: surface.crease_degrees()?,
             split: match surface.split {
                 SplitChoice::Longest => SplitRule::Longest,
                 SplitChoice::Flat => SplitRule::Flat,
             },
             ..BuildOptions::default()
         },
-    }
+    })
 }
 
 impl Source {
     /// The options of opening.
-    pub(crate) fn options(&self) -> OpenOptions {
-        OpenOptions {
+    pub(crate) fn options(&self) -> Result<OpenOptions, Failure> {
+        Ok(OpenOptions {
             keep: self.keep.filter(),
-            ..open_options(self.weld, self.frame, self.surface)
-        }
+            ..open_options(self.weld, self.frame, self.surface)?
+        })
     }
 
     /// Opens the model, with a progress bar from about a second on.
@@ -288,19 +326,21 @@ impl Source {
         color: &ColorArgs,
         progress: &dyn Progress,
     ) -> Result<OpenedModel, Failure> {
-        self.open_as(color, false, progress)
+        self.open_as(color, false, MeshPlacement::default(), progress)
     }
 
-    /// As [`Source::open_colored`]; with `streams_pages` the pages of a paged file are left where they are.
+    /// As [`Source::open_colored`], where it is to stand; with `streams_pages` the pages of a paged file are left where they are.
     pub(crate) fn open_as(
         &self,
         color: &ColorArgs,
         streams_pages: bool,
+        placement: MeshPlacement,
         progress: &dyn Progress,
     ) -> Result<OpenedModel, Failure> {
-        let mut options = self.options();
+        let mut options = self.options()?;
         options.input.color = color.setting()?;
         options.streams_pages = streams_pages;
+        options.placement = placement;
         let opened = surfel::open(&self.model, &options, progress).map_err(|error| match error {
             surfel::Error::Input(input::Error::UnknownAttribute { .. }) => usage(format!(
                 "{error}; looks of the picture are shading, primitive, classification, level, normal, depth and overdraw"

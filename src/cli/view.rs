@@ -4,6 +4,7 @@ use super::cameras::{UpChoice, parse_orbit, parse_size, read_camera};
 use super::look::LookArgs;
 use super::mark_args::MarkArgs;
 use super::photo_args::PhotoArgs;
+use super::placement_args::PlacementArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
 use super::source::{ColorArgs, Framing, KeepArgs, PageArgs, SurfaceArgs, open_options};
@@ -35,6 +36,8 @@ pub(crate) struct Args {
     /// More models, shown with the first
     #[arg(value_name = "MODEL", index = 2)]
     more: Vec<PathBuf>,
+    #[command(flatten)]
+    placement: PlacementArgs,
     /// Merge vertices that are equal in position, normal and color
     #[arg(long)]
     weld: bool,
@@ -148,7 +151,7 @@ impl From<viewer::Error> for Failure {
 }
 
 pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
-    args.look.darkening.default_for_people();
+    args.look.default_for_people();
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings()?;
     let gpu = args.device.options();
@@ -207,13 +210,15 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
     let camera_size = camera.as_ref().map(|c| (c.width, c.height));
     let size = args.size.or(camera_size).or(left_size);
-    let mut opening = open_options(args.weld, args.frame, args.surface);
+    let mut opening = open_options(args.weld, args.frame, args.surface)?;
+    let placements = args.placement.of_models(1 + args.more.len())?;
     opening.input.color = args.color.setting()?;
     opening.keep = args.keep.filter();
     let options = ViewerOptions {
         model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
         more: args.more,
+        placements,
         opening,
         smooths: args.smooth == Switch::On,
         watches: args.watch,

@@ -125,17 +125,28 @@ pub fn jittered(view: &View, i: u32, k: u32) -> View {
 }
 
 /// Samples that [`evenly`] places in a pixel.
-pub const EVEN_SAMPLES: u32 = 16;
+pub const EVEN_SAMPLES: u32 = 64;
 
 /// The view whose pixel centers lie where sample `i` of [`EVEN_SAMPLES`] lies in each pixel of `view`: to the right of the center
-/// by (i + 1/2)/16 - 1/2 pixels, and below it by (r + 1/2)/16 - 1/2 with r the four bits of i in reverse (Hammersley, 1960).
-/// One lies in each of 16 columns, of 16 rows, and of 4 x 4 cells: an edge along an axis has 16 levels, where a grid gives it 4.
-/// Those whose number has an even number of ones are as even among themselves, and so are the others. `i` counts modulo 16.
+/// by (h + 1/2)/64 - 1/2 pixels, and below it by (r + 1/2)/64 - 1/2 with r the six bits of h in reverse (Hammersley, 1960).
+/// One lies in each of 64 columns, of 64 rows, and of 8 x 8 cells: an edge along an axis has 64 levels, where a grid gives it 8.
+///
+/// They are ordered so that the first 32 are as even, and so is each 16 from a multiple of 16 on: in 32 and 16 columns, rows and
+/// cells. `i` counts modulo 64.
+///
+/// A sum of bits decides to which part h belongs: of all six to which half, of every other one to which quarter. Columns, rows
+/// and cells fix all bits but one, or all but two that are neighbors, so that each part has one sample there.
 pub fn evenly(view: &View, i: u32) -> View {
     let i = i % EVEN_SAMPLES;
-    let reversed = i.reverse_bits() >> 28;
+    let [half, quarter] = [i >> 5, i >> 4 & 1];
+    // The upper four bits of h; the lower two follow from the part.
+    let upper = (i & 15) << 2;
+    let sum = |bits: u32| bits.count_ones() & 1;
+    let lowest = quarter ^ sum(upper & 0b01_0101);
+    let h = upper | (half ^ sum(upper) ^ lowest) << 1 | lowest;
+    let reversed = h.reverse_bits() >> 26;
     let at = |n: u32| (f64::from(n) + 0.5) / f64::from(EVEN_SAMPLES) - 0.5;
-    shifted(view, at(i), at(reversed))
+    shifted(view, at(h), at(reversed))
 }
 
 /// As [`jittered`] with the sample anywhere in its cell of the grid instead of its middle: jittered (stratified) sampling
@@ -174,7 +185,7 @@ mod tests {
     use glam::{DVec3, Vec3};
 
     #[test]
-    fn even_samples_and_their_halves_lie_in_each_column_row_and_cell() {
+    fn even_samples_and_their_parts_lie_in_each_column_row_and_cell() {
         let size = (64, 48);
         let eye = DVec3::new(0.0, 0.0, 4.0);
         let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.8, (1.0, 9.0));
@@ -182,33 +193,23 @@ mod tests {
         let (x, y, _) = view.project(Vec3::ZERO);
         let place = |i: u32| {
             let (sx, sy, _) = evenly(&view, i).project(Vec3::ZERO);
-            [x - sx, y - sy].map(|off| ((off + 0.5) * 16.0) as usize)
+            [x - sx, y - sy].map(|off| ((off + 0.5) * 64.0) as usize)
         };
-        let places: Vec<[usize; 2]> = (0..EVEN_SAMPLES).map(place).collect();
-        let distinct =
-            |keys: &[[usize; 2]]| std::collections::BTreeSet::from_iter(keys.to_vec()).len();
-        let keys = |of: fn([usize; 2]) -> [usize; 2], keep: fn(u32) -> bool| {
-            let kept = (0..EVEN_SAMPLES).filter(|i| keep(*i));
-            distinct(&kept.map(|i| of(places[i as usize])).collect::<Vec<_>>())
-        };
-        for of in [
-            |[x, _]: [usize; 2]| [x, 0],
-            |[_, y]: [usize; 2]| [0, y],
-            |[x, y]: [usize; 2]| [x / 4, y / 4],
-        ] {
-            assert_eq!(keys(of, |_| true), 16);
+        let parts = [0..64, 0..32, 32..64, 0..16, 16..32, 32..48, 48..64];
+        for part in parts {
+            let places: Vec<[usize; 2]> = part.clone().map(place).collect();
+            // As many boxes as samples, of any shape, from columns over cells to rows.
+            let bits = places.len().ilog2() as usize;
+            for across in 0..=bits {
+                let boxes = places.iter().map(|[x, y]| {
+                    let down = bits - across;
+                    [x >> (6 - across), y >> (6 - down)]
+                });
+                let boxes: std::collections::BTreeSet<[usize; 2]> = boxes.collect();
+                assert_eq!(boxes.len(), places.len(), "{part:?}, 2^{across} columns");
+            }
         }
-        // Halves: columns and rows two wide, cells of 2 x 4 and 4 x 2.
-        for of in [
-            |[x, _]: [usize; 2]| [x / 2, 0],
-            |[_, y]: [usize; 2]| [0, y / 2],
-            |[x, y]: [usize; 2]| [x / 8, y / 4],
-            |[x, y]: [usize; 2]| [x / 4, y / 8],
-        ] {
-            assert_eq!(keys(of, |i| i.count_ones() % 2 == 0), 8);
-            assert_eq!(keys(of, |i| i.count_ones() % 2 == 1), 8);
-        }
-        assert_eq!(place(16), place(0));
+        assert_eq!(place(64), place(0));
     }
 
     #[test]

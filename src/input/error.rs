@@ -115,6 +115,14 @@ pub enum Error {
         /// What there is.
         known: String,
     },
+    /// A model cannot stand where it was to, or have the color that it was to have.
+    #[error("{}: {cause}", path.display())]
+    Placement {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        cause: String,
+    },
     /// Points are to be kept by something that they do not carry.
     #[error("{}: no field `{name}` to keep by; there is {known}", path.display())]
     UnknownField {

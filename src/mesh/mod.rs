@@ -5,6 +5,7 @@ mod center;
 pub mod creases;
 pub mod faces;
 pub mod normals;
+pub mod placement;
 pub mod stream;
 pub mod weld;
 

@@ -114,7 +114,7 @@ fn not_as_blended(settings: &Settings, outputs: PictureOutputs) -> Option<&'stat
     if settings.threshold_px > largest_threshold_px(settings) {
         Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
     } else if settings.shading == Shading::Deferred {
-        Some("it sums colors, not normals; leave --shading out")
+        Some("it sums colors, not normals; leave --splat-shading out")
     } else if outputs.normal {
         Some("it sums colors, not normals; leave --normals out")
     } else if settings.color_by.is_data() {

@@ -121,7 +121,7 @@ fn check_vertex_splats(settings: &Settings) -> Result<(), Error> {
     let why = if settings.splat != SplatKind::Square || settings.blend() != Blend::Opaque {
         "they are opaque polygons of their own shape; leave --splat and --blend out"
     } else if settings.shading != Shading::PerSplat {
-        "only splats that are blended are lit once a pixel of blended normals; leave --shading out"
+        "only splats that are blended are lit once a pixel of blended normals; leave --splat-shading out"
     } else if settings.color_by == ColorBy::Overdraw {
         "their overdraw is not counted; use another --color-by"
     } else {
@@ -142,7 +142,7 @@ fn check_patches(settings: &Settings) -> Result<(), Error> {
     let why = if !is_opaque || settings.blend() != Blend::Opaque {
         "they and the splats beside them are opaque; use --splat square, disc or ellipse without --blend"
     } else if settings.shading != Shading::PerSplat {
-        "only splats that are blended are lit once a pixel of blended normals; leave --shading out"
+        "only splats that are blended are lit once a pixel of blended normals; leave --splat-shading out"
     } else if settings.color_by == ColorBy::Overdraw {
         "their overdraw is not counted; use another --color-by"
     } else {
@@ -193,7 +193,7 @@ fn check_blend(settings: &Settings, is_device: bool) -> Result<(), Error> {
         {
             return refuse(
                 name,
-                "they have a way of their own to blend and shade; leave --blend and --shading out",
+                "they have a way of their own to blend and shade; leave --blend and --splat-shading out",
             );
         }
         return Ok(());
@@ -213,7 +213,7 @@ fn check_blend(settings: &Settings, is_device: bool) -> Result<(), Error> {
         Blend::Opaque => Ok(()),
         _ if settings.shading == Shading::Deferred && settings.color_by.is_data() => refuse(
             "deferred shading",
-            "colors by level, normal, depth and overdraw are not lit; leave --shading deferred out",
+            "colors by level, normal, depth and overdraw are not lit; leave --splat-shading deferred out",
         ),
         _ => Ok(()),
     }

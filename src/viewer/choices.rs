@@ -91,6 +91,33 @@ pub const SHADINGS: &[NamedChoice<Shading>] = &[
     ),
 ];
 
+/// Which normals surfaces have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SurfaceNormals {
+    /// Those of the file; where it has none, computed ones.
+    #[default]
+    File,
+    /// Computed: smooth but for sharp edges.
+    Smooth,
+    /// One for each triangle.
+    Flat,
+}
+
+/// Normals of surfaces.
+pub const NORMALS: &[NamedChoice<SurfaceNormals>] = &[
+    (
+        SurfaceNormals::File,
+        "file",
+        "Those of the file; where it has none, smooth",
+    ),
+    (
+        SurfaceNormals::Smooth,
+        "smooth",
+        "Computed: smooth but for sharp edges",
+    ),
+    (SurfaceNormals::Flat, "flat", "One for each triangle"),
+];
+
 /// How visibility splats are filled in.
 pub const RECONSTRUCTIONS: &[NamedChoice<Reconstruction>] = &[
     (
@@ -280,6 +307,7 @@ mod tests {
         names(SPLATS);
         names(BLENDS);
         names(SHADINGS);
+        names(NORMALS);
         names(RECONSTRUCTIONS);
         names(METRICS);
         names(CULLINGS);

@@ -107,6 +107,10 @@ pub const KEYS: &[KeyGroup] = &[
                 "more, less of the lamp's light from everywhere",
             ),
             ("U", "light both sides, or fronts only"),
+            (
+                "Shift S",
+                "other normals: the file's, computed smooth, flat; opens the files again",
+            ),
         ],
     ),
     (
@@ -201,6 +205,8 @@ pub enum Command {
     FrameTime(i32),
     /// Light both sides, or fronts only.
     TwoSided,
+    /// The next normals of surfaces: opens the files again.
+    Normals,
     /// The next axis that is up.
     Up,
     /// Switch vertex colors.
@@ -372,6 +378,7 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
         KeyboardKey::Char(c) => match c {
             'a' if modifiers.shift => Command::AmbientOcclusion,
             'a' => Command::Method(Method::Triangles),
+            's' if modifiers.shift => Command::Normals,
             's' => Command::Method(Method::Points),
             'd' => Command::Method(Method::Pop),
             'x' if modifiers.shift => Command::Axes,

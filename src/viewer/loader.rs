@@ -7,6 +7,7 @@ use crate::input::Warning;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
+use crate::mesh::placement::MeshPlacement;
 use crate::open::{OpenOptions, open_with_preview};
 use crate::progress::Progress;
 use crate::render::model_facts::{DrawnParts, facted};
@@ -42,8 +43,20 @@ impl From<gpu::Error> for LoadError {
 }
 
 /// Opens what a path names, [`open_with_preview`] but for tests; may hand over a coarse model of the same sphere before.
-type OpenFunction =
-    dyn Fn(&Path, &dyn Progress, &mut dyn FnMut(Model)) -> Result<Loaded, LoadError> + Send + Sync;
+type OpenFunction = dyn Fn(&ModelRequest, &dyn Progress, &mut dyn FnMut(Model)) -> Result<Loaded, LoadError>
+    + Send
+    + Sync;
+
+/// What is to be opened, and how it differs from the options of all.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelRequest {
+    /// What names it.
+    pub path: PathBuf,
+    /// Where it stands, and its color.
+    pub placement: MeshPlacement,
+    /// Crease angle of [`crate::tree::BuildOptions`].
+    pub crease_degrees: Option<f32>,
+}
 
 /// A model that was loaded.
 #[derive(Debug, Default)]
@@ -129,6 +142,9 @@ impl Drop for Job {
 pub struct ModelLoader {
     open: Arc<OpenFunction>,
     device: LoaderDevice,
+    /// Models that stand elsewhere or have another color, by their place in the list.
+    placed: Vec<(PathBuf, MeshPlacement)>,
+    crease_degrees: Option<f32>,
     job: Option<Job>,
 }
 
@@ -144,13 +160,24 @@ impl std::fmt::Debug for ModelLoader {
 const FAREWELL: Duration = Duration::from_secs(2);
 
 impl ModelLoader {
-    /// A loader without a job.
-    pub fn new(options: OpenOptions, paged: PagedModelOptions) -> Self {
+    /// A loader without a job. `placed` are the models, in their order, that do not stand where their files say, or have
+    /// another color.
+    pub fn new(
+        options: OpenOptions,
+        paged: PagedModelOptions,
+        placed: Vec<(PathBuf, MeshPlacement)>,
+    ) -> Self {
+        let crease_degrees = options.tree.crease_degrees;
         let options = OpenOptions {
             streams_pages: true,
             ..options
         };
-        Self::of_function(Arc::new(move |path, progress, on_preview| {
+        let open = move |request: &ModelRequest,
+                         progress: &dyn Progress,
+                         on_preview: &mut dyn FnMut(Model)| {
+            let mut options = options.clone();
+            options.placement = request.placement;
+            options.tree.crease_degrees = request.crease_degrees;
             let mut on_mesh = |mesh: &Mesh| {
                 // It would show what is not kept.
                 if options.keep.is_empty()
@@ -159,7 +186,7 @@ impl ModelLoader {
                     on_preview(model);
                 }
             };
-            let opened = open_with_preview(path, &options, progress, &mut on_mesh)?;
+            let opened = open_with_preview(&request.path, &options, progress, &mut on_mesh)?;
             let pages = opened.paged.map(|file| PagedModel::open(file, paged));
             let pages = pages.transpose().map_err(crate::tree::Error::from);
             Ok(Loaded {
@@ -170,13 +197,20 @@ impl ModelLoader {
                 attributes: opened.attributes,
                 ..Loaded::default()
             })
-        }))
+        };
+        Self {
+            placed,
+            crease_degrees,
+            ..Self::of_function(Arc::new(open))
+        }
     }
 
     fn of_function(open: Arc<OpenFunction>) -> Self {
         Self {
             open,
             device: LoaderDevice::default(),
+            placed: Vec::new(),
+            crease_degrees: None,
             job: None,
         }
     }
@@ -184,6 +218,21 @@ impl ModelLoader {
     /// Where models are copied to from now on, and whether with the indices of all triangles.
     pub fn copy_to(&mut self, gpu: &Arc<Gpu>, with_indices: bool) {
         *lock(&self.device) = Some((gpu.clone(), with_indices));
+    }
+
+    /// Opens models with another crease angle from now on; none keeps the normals of their files.
+    pub fn set_crease(&mut self, degrees: Option<f32>) {
+        self.crease_degrees = degrees;
+    }
+
+    /// How a model is opened: the first has index 0, those that are drawn with it have the next ones.
+    fn request(&self, index: usize, path: &Path) -> ModelRequest {
+        let placed = self.placed.get(index).filter(|(own, _)| own == path);
+        ModelRequest {
+            path: path.to_owned(),
+            placement: placed.map_or_else(MeshPlacement::default, |(_, placement)| *placement),
+            crease_degrees: self.crease_degrees,
+        }
     }
 
     /// Starts to load `path`; a job that still runs is cancelled and forgotten.
@@ -203,8 +252,10 @@ impl ModelLoader {
         self.job = None;
         let shared = Arc::new(SharedProgress::default());
         let (sender, results) = channel();
-        let (open, progress, target) = (self.open.clone(), shared.clone(), path.to_owned());
-        let (device, more) = (self.device.clone(), more.to_vec());
+        let (open, progress, target) = (self.open.clone(), shared.clone(), self.request(0, path));
+        let more = more.iter().enumerate();
+        let more: Vec<ModelRequest> = more.map(|(i, path)| self.request(i + 1, path)).collect();
+        let device = self.device.clone();
         let thread = std::thread::Builder::new()
             .name("loader".into())
             .spawn(move || {
@@ -221,10 +272,10 @@ impl ModelLoader {
                 };
                 let opened = open(&target, progress.as_ref(), &mut on_preview);
                 let result = opened.and_then(|mut loaded| {
-                    for path in more {
-                        match open(&path, progress.as_ref(), &mut |_| ()) {
-                            Ok(other) => loaded.add(path, other, progress.as_ref()),
-                            Err(error) => loaded.failures.push(failure(&path, &error)),
+                    for request in more {
+                        match open(&request, progress.as_ref(), &mut |_| ()) {
+                            Ok(other) => loaded.add(request.path, other, progress.as_ref()),
+                            Err(error) => loaded.failures.push(failure(&request.path, &error)),
                         }
                     }
                     progress.stage("copying to the device", 0);
@@ -378,8 +429,8 @@ mod tests {
         let (go, gate) = channel::<()>();
         let (told, at_stage) = channel::<()>();
         let (gate, told) = (Mutex::new(gate), Mutex::new(told));
-        let mut loader = ModelLoader::of_function(Arc::new(move |path, progress, _| {
-            assert_eq!(path, Path::new("scan.ply"));
+        let mut loader = ModelLoader::of_function(Arc::new(move |request, progress, _| {
+            assert_eq!(request.path, Path::new("scan.ply"));
             progress.stage("building nodes", 200);
             progress.advance(86);
             told.lock().unwrap().send(()).unwrap();
@@ -402,15 +453,15 @@ mod tests {
     fn a_new_job_cancels_the_old_one_and_errors_come_through() {
         let (saw, cancelled) = channel::<()>();
         let saw = Mutex::new(saw);
-        let mut loader = ModelLoader::of_function(Arc::new(move |path, progress, _| {
-            if path == Path::new("slow") {
+        let mut loader = ModelLoader::of_function(Arc::new(move |request, progress, _| {
+            if request.path == Path::new("slow") {
                 while !progress.is_cancelled() {
                     std::thread::yield_now();
                 }
                 saw.lock().unwrap().send(()).unwrap();
                 return Err(crate::Error::from(input::Error::Cancelled).into());
             }
-            let path = path.to_owned();
+            let path = request.path.clone();
             Err(crate::Error::from(input::Error::UnknownFormat { path }).into())
         }));
         loader.start(Path::new("slow")).unwrap();
@@ -452,6 +503,36 @@ mod tests {
         let second = wait(&mut loader).1.unwrap();
         assert!(!second.is_preview && second.model.used_vertices == 2);
         assert!(loader.path().is_none() && loader.poll().is_none());
+    }
+
+    #[test]
+    fn placements_go_by_place_and_name_and_normals_are_those_of_now() {
+        let moved = MeshPlacement {
+            color: Some([1, 2, 3]),
+            ..MeshPlacement::default()
+        };
+        let placed = ["a", "a", "b"].map(PathBuf::from).into_iter();
+        let placed = placed
+            .zip([MeshPlacement::default(), moved, moved])
+            .collect();
+        let seen = Arc::new(Mutex::new(Vec::new()));
+        let noted = seen.clone();
+        let open = move |request: &ModelRequest, _: &dyn Progress, _: &mut dyn FnMut(Model)| {
+            noted.lock().unwrap().push(request.clone());
+            Ok(Loaded::default())
+        };
+        let mut loader = ModelLoader {
+            placed,
+            ..ModelLoader::of_function(Arc::new(open))
+        };
+        loader.set_crease(Some(0.0));
+        let more = ["a", "c"].map(PathBuf::from);
+        loader.start_all(Path::new("a"), &more).unwrap();
+        wait(&mut loader).1.unwrap();
+        let seen = seen.lock().unwrap();
+        let placements: Vec<bool> = seen.iter().map(|own| own.placement == moved).collect();
+        assert_eq!(placements, [false, true, false]);
+        assert!(seen.iter().all(|own| own.crease_degrees == Some(0.0)));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The window: opens at once, loads on another thread, draws only when something has changed.
 //!
 //! Events of the window system become [`event`]s in `window`; `app` turns them into frames, which `screen` draws
-//! onto the window. [`camera`], [`control`], [`input`], [`lamp`], [`loader`], [`measuring`], [`notice`], [`pace`], [`pick`], [`preview`], [`record`], [`store`] and [`text`]
+//! onto the window. [`camera`], [`control`], [`input`], [`lamp`], [`loader`], [`measuring`], [`notice`], [`pace`], [`pick`], [`preview`], [`recent`], [`record`], [`store`] and [`text`]
 //! are pure logic; [`ui`], [`panel`], [`graph`] and [`help`] know egui. None of them knows Vulkan or the window
 //! system. The main thread owns window and device.
 
@@ -22,6 +22,7 @@ pub mod pace;
 pub mod panel;
 pub mod pick;
 pub mod preview;
+pub mod recent;
 pub mod record;
 mod recovery;
 mod replay;
@@ -36,6 +37,7 @@ use crate::gpu::messages::LayerMessages;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::Camera;
 use crate::math::up_axis::UpAxis;
+use crate::mesh::placement::MeshPlacement;
 use crate::open::OpenOptions;
 use crate::render::Settings;
 use crate::render::paged_model::PagedModelOptions;
@@ -113,6 +115,8 @@ pub struct ViewerOptions {
     pub model: PathBuf,
     /// Models to be shown with it, in the same space.
     pub more: Vec<PathBuf>,
+    /// Where these stand and what color they have, in their order.
+    pub placements: Vec<MeshPlacement>,
     /// How models are opened, this one and those that are dropped onto the window.
     pub opening: OpenOptions,
     /// Who draws the frames.
@@ -199,7 +203,9 @@ pub struct RunFigures {
 /// When there is no window or device, the device is lost and cannot be opened again, or a file that was asked for
 /// cannot be read or written.
 pub fn run(options: ViewerOptions, should_stop: &dyn Fn() -> bool) -> Result<RunFigures, Error> {
-    let mut loader = ModelLoader::new(options.opening.clone(), options.paged);
+    let placed = [&options.model].into_iter().chain(&options.more).cloned();
+    let placed = placed.zip(options.placements.iter().copied()).collect();
+    let mut loader = ModelLoader::new(options.opening.clone(), options.paged, placed);
     let outcome = if options.headless {
         replay_headless(options, &mut loader, should_stop)
     } else {
@@ -331,6 +337,7 @@ fn keep(app: &ViewerApp, window: &ViewerWindow) {
             axes: app.marks.axes,
             parallel_light: app.has_parallel_light(),
             frame_ms: app.frame_time(),
+            recent: app.recent.files().to_vec(),
         },
         look: store::StoredLook::of(&app.settings),
     };

@@ -1,7 +1,7 @@
 //! The panel: what decides the picture, and what it shows. It changes nothing itself; what the user asks for comes
 //! back as wishes, the same that keys make.
 
-use super::choices::{self, NamedChoice, name_of};
+use super::choices::{self, NamedChoice, SurfaceNormals, name_of};
 use super::control::BudgetReport;
 use super::help::ACCENT;
 use super::input::{Command, MeasureChange};
@@ -16,6 +16,8 @@ use crate::render::{Blend, Method, Settings, Shading, SplatKind};
 use egui::{
     Area, Color32, ComboBox, DragValue, Frame, Grid, RichText, ScrollArea, Slider, Ui, pos2,
 };
+
+use std::path::PathBuf;
 
 /// Width of the panel, points.
 pub const WIDTH: f32 = 276.0;
@@ -44,6 +46,8 @@ pub struct PanelState<'a> {
     pub settings: &'a Settings,
     /// What lights the model.
     pub light: LightKind,
+    /// Which normals its surfaces have.
+    pub normals: SurfaceNormals,
     /// Radius of the model: steps of a lamp in the world follow it.
     pub radius: f64,
     /// The model, once there is one.
@@ -64,6 +68,8 @@ pub struct PanelState<'a> {
     pub is_flying: bool,
     /// Names of the models, and whether each is drawn.
     pub parts: Vec<(&'a str, bool)>,
+    /// Files that were shown before, the last one first.
+    pub recent: &'a [PathBuf],
     /// Photographs of the model, where there are any.
     pub photographs: Option<PhotographState>,
     /// A line of text for each measure, and whether the last one goes on.
@@ -79,6 +85,10 @@ pub enum PanelWish {
     Settings(Box<Settings>),
     /// Another light.
     Light(LightKind),
+    /// Other normals: the files are opened again.
+    Normals(SurfaceNormals),
+    /// Open a model that was shown before.
+    Open(PathBuf),
     /// Hold frames to this time, milliseconds, or to none.
     FrameTime(Option<f64>),
     /// Something of photographs.
@@ -132,12 +142,13 @@ fn fact(ui: &mut Ui, what: &str, value: String) {
 
 fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     model(ui, state, wishes);
+    recent(ui, state.recent, wishes);
     let mut settings = *state.settings;
     heading(ui, "Drawing");
     drawing(ui, &mut settings, state, wishes);
     heading(ui, "Look");
-    let mut light = state.light;
-    look::show(ui, &mut settings, &mut light);
+    let (mut light, mut normals) = (state.light, state.normals);
+    look::show(ui, &mut settings, &mut light, &mut normals);
     look::marks(ui, state.marks, wishes);
     if settings.color_by == ColorBy::Overdraw {
         legend(ui, state.overdraw);
@@ -154,6 +165,9 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     }
     if light != state.light {
         wishes.push(PanelWish::Light(light));
+    }
+    if normals != state.normals {
+        wishes.push(PanelWish::Normals(normals));
     }
     heading(ui, "Frame");
     frame(ui, state, wishes);
@@ -211,6 +225,23 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
         ] {
             if ui.button(name).on_hover_text(tip).clicked() {
                 wishes.push(PanelWish::Command(command));
+            }
+        }
+    });
+}
+
+/// A list of files that were shown before, folded up.
+fn recent(ui: &mut Ui, files: &[PathBuf], wishes: &mut Vec<PanelWish>) {
+    if files.is_empty() {
+        return;
+    }
+    egui::CollapsingHeader::new("Recent files").show(ui, |ui| {
+        for path in files {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let button = egui::Button::new(name).truncate();
+            let tip = format!("Open {}", path.display());
+            if ui.add(button).on_hover_text(tip).clicked() {
+                wishes.push(PanelWish::Open(path.clone()));
             }
         }
     });

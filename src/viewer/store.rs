@@ -4,8 +4,8 @@ use super::choices::{self, name_of, named};
 use super::lamp;
 use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Lighting, Phong};
-use crate::render::EyeDome;
 use crate::render::Settings;
+use crate::render::{AmbientOcclusion, EyeDome};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -44,6 +44,9 @@ pub struct StoredWindow {
     /// Time that frames are held to while the view moves, milliseconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame_ms: Option<f64>,
+    /// Files that were shown, the last one first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub recent: Vec<PathBuf>,
 }
 
 /// How models are drawn; names as on the command line.
@@ -93,6 +96,7 @@ impl Default for StoredWindow {
             axes: false,
             parallel_light: false,
             frame_ms: None,
+            recent: Vec::new(),
         }
     }
 }
@@ -101,6 +105,8 @@ impl Default for StoredLook {
     fn default() -> Self {
         Self::of(&Settings {
             eye_dome: EyeDome::Auto,
+            ambient_occlusion: AmbientOcclusion::Auto,
+            light: Lighting::Sphere(LitSphere::Studio),
             ..Settings::default()
         })
     }
@@ -353,9 +359,7 @@ mod tests {
     use super::*;
     use crate::cut::SizeMetric;
     use crate::pack::ColorBy;
-    use crate::render::{
-        AmbientOcclusion, Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind,
-    };
+    use crate::render::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
 
     #[test]
     fn what_was_saved_is_loaded() {
@@ -363,6 +367,8 @@ mod tests {
         let path = folder.path().join("new/viewer.toml");
         let usual = Settings {
             eye_dome: EyeDome::Auto,
+            ambient_occlusion: AmbientOcclusion::Auto,
+            light: Lighting::Sphere(LitSphere::Studio),
             ..Settings::default()
         };
         assert_eq!(
@@ -406,6 +412,7 @@ mod tests {
                 axes: true,
                 parallel_light: true,
                 frame_ms: Some(33.0),
+                recent: vec!["/scans/a b.ply".into()],
             },
             look: StoredLook::of(&settings),
         };

@@ -254,6 +254,7 @@ impl ViewerWindow {
         for ask in std::mem::take(&mut app.asks) {
             match ask {
                 FileAsk::Open { path, more } => {
+                    app.tell_device(loader);
                     if let Err(error) = loader.start_all(&path, &more) {
                         app.warn(&format!("cannot start to load: {error}"));
                     }

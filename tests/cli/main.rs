@@ -17,6 +17,7 @@ mod models;
 mod motion;
 mod packages;
 mod pictures;
+mod placing;
 mod profile;
 mod reproduce;
 mod scans;

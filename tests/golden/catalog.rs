@@ -1,10 +1,12 @@
 //! Catalog of the golden cases: every technique, and for every executor whether it draws it or refuses it.
 
 use surfel::oriented::splats::SplatRules;
+use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
 use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::render::{
-    Blend, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
+    AmbientOcclusion, Blend, EyeDome, Method, Occlusion, Path, Reconstruction, Settings, Shading,
+    SplatKind,
 };
 
 /// What draws a picture.
@@ -57,7 +59,7 @@ pub(crate) struct GoldenCase {
 }
 
 /// Cases that are kept of the scan as well, which has colors, an open surface, needles and triangles without area.
-const OF_SCAN: [&str; 14] = [
+const OF_SCAN: [&str; 16] = [
     "triangles",
     "pop-1",
     "pop-4",
@@ -71,6 +73,8 @@ const OF_SCAN: [&str; 14] = [
     "filtered-3",
     "visibility-gaussian",
     "lamp",
+    "studio",
+    "occlusion",
     "normal",
 ];
 
@@ -259,6 +263,34 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
         with(case("lamp-gauss", Pop, Gauss, 3.0), &|s| s.light = lamp).no_host(NOT_BLENDED),
         with(case("lamp-filtered", Pop, Filtered, 6.0), &|s| {
             s.light = lamp;
+        }),
+        with(case("studio", Pop, Square, 3.0), &|s| {
+            s.light = Lighting::Sphere(LitSphere::Studio);
+        })
+        .no_compute(HEADLIGHT_ONLY),
+        with(case("clay", Pop, Disc, 3.0), &|s| {
+            s.light = Lighting::Sphere(LitSphere::Clay);
+        })
+        .no_compute(HEADLIGHT_ONLY),
+        with(case("porcelain-filtered", Pop, Filtered, 6.0), &|s| {
+            s.light = Lighting::Sphere(LitSphere::Porcelain);
+        }),
+        with(case("metal-triangles", Triangles, Square, 1.0), &|s| {
+            s.light = Lighting::Sphere(LitSphere::Metal);
+        })
+        .no_compute(OF_A_TREE),
+        with(case("metal-gauss", Pop, Gauss, 3.0), &|s| {
+            s.light = Lighting::Sphere(LitSphere::Metal);
+        })
+        .no_host(NOT_BLENDED),
+        with(case("occlusion", Pop, Square, 2.0), &|s| {
+            s.ambient_occlusion = AmbientOcclusion::On;
+        }),
+        with(case("eye-dome", Pop, Square, 2.0), &|s| {
+            s.eye_dome = EyeDome::On;
+        }),
+        with(case("gradient", Pop, Square, 2.0), &|s| {
+            (s.background, s.background_bottom) = ([0.9, 0.6, 0.3], Some([0.0, 0.1, 0.3]));
         }),
         with(case("overdraw", Pop, Square, 3.0), &|s| {
             s.color_by = ColorBy::Overdraw;

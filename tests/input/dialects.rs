@@ -520,6 +520,29 @@ fn packed_colors_are_bits_or_numbers() {
 }
 
 #[test]
+fn colors_of_vertices_may_be_lists() {
+    let header = |item: &str, name: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             property list uchar {item} {name}\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        )
+    };
+    let rows = "0 0 0 3 255 0 9\n1 0 0 4 0 255 9 77\n0 1 0 1 3\n3 0 1 2\n";
+    let bytes = header("uchar", "rgb") + rows;
+    let of_bytes = read("a.ply", &bytes);
+    let colors = [[255, 0, 9, 255], [0, 255, 9, 255], [3, 0, 0, 255]];
+    assert_eq!(of_bytes.mesh.colors, colors);
+    assert_eq!(fate(&of_bytes, "property rgb of vertex").1, PartFate::Used);
+    let floats =
+        header("float", "Color") + "0 0 0 3 1 0 0\n1 0 0 3 0 1 0\n0 1 0 3 0 0 0.5\n3 0 1 2\n";
+    let of_floats = read("a.ply", &floats);
+    assert_eq!(
+        of_floats.mesh.colors[..2],
+        [[255, 0, 0, 255], [0, 255, 0, 255]]
+    );
+}
+
+#[test]
 fn gaussian_splats_have_their_base_color_and_a_sentence() {
     let properties = "float nx, float ny, float nz, float f_dc_0, float f_dc_1, float f_dc_2, float f_rest_0, float f_rest_1, \
                       float f_rest_2, float opacity, float scale_0, float rot_0";

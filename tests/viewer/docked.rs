@@ -160,7 +160,9 @@ fn a_recording_says_whether_the_panel_was_shown() {
     let input = file("input.jsonl");
     let path = |name: &Path| name.to_str().unwrap().to_owned();
     let look = ["generate:statue:20000", "--size", "800x600", "--validate"];
+    // What is cheap is drawn within the wait below.
     let mut command = display.surfel(&look);
+    command.args(["--light", "headlight", "--ambient-occlusion", "off"]);
     command.args(["--panel", "on", "--record", &path(&input)]);
     let window = Window::start(&display, command);
     window.wait_for_title("threshold 1 px");
@@ -172,6 +174,7 @@ fn a_recording_says_whether_the_panel_was_shown() {
     let last = |name: &str, more: &[&str]| {
         let pictures = file(name);
         let mut command = display.surfel(&["--headless", "--replay", &path(&input), "--validate"]);
+        command.args(["--light", "headlight", "--ambient-occlusion", "off"]);
         command.args(["--pictures", &path(&pictures)]).args(more);
         must_succeed(&run(&mut command));
         let files = std::fs::read_dir(&pictures).unwrap();

@@ -287,3 +287,50 @@ fn a_replay_that_nobody_sees_ends_where_its_model_is_missing() {
     assert!(said.contains("missing.ply: cannot be read"), "{said}");
     assert!(output.stdout.is_empty(), "{output:?}");
 }
+
+#[test]
+fn normals_change_by_a_key_and_files_that_were_shown_are_remembered() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bent.obj");
+    // Two faces at 60 degrees, with normals that belong to neither.
+    let corners = ["0 0 0", "0 1 0", "1 0 0", "1 1 0", "-1 0 -1.7", "-1 1 -1.7"];
+    let corners = corners.map(|at| format!("v {at}\nvn 0.9 0 0.44\n"));
+    let faces = "f 1//1 3//3 4//4 2//2\nf 5//5 1//1 2//2 6//6\n";
+    std::fs::write(&path, corners.concat() + faces).unwrap();
+    let look = [path.to_str().unwrap(), "--size", "300x200"];
+    let mut command = display.surfel(&look);
+    command.args(["--validate", "--panel", "off"]);
+    command.env("SURFEL_CONFIG", folder.path());
+    let window = Window::start(&display, command);
+    window.wait_for_title("bent.obj - pop");
+    let file = folder.path().join("drawn.png");
+    let drawn = |shading: &str| render(&[&look[..], &["--shading", shading]].concat(), &file);
+    let [of_file, smooth, flat] = ["file", "smooth", "flat"].map(drawn);
+    assert!(changed(&of_file, &smooth) > 1000 && changed(&of_file, &flat) > 1000);
+    let shows = |what: &str, wanted: &image::RgbImage| {
+        wait_for(what, || {
+            // The message that tells of it lies over the picture.
+            window.key("BackSpace");
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            (changed(&window.picture(), wanted) == 0).then_some(())
+        });
+    };
+    shows("normals of the file", &of_file);
+    window.key("Shift+s");
+    shows("smooth normals", &smooth);
+    window.key("Shift+s");
+    shows("flat normals", &flat);
+    window.key("Shift+s");
+    shows("normals of the file again", &of_file);
+    window.key("q");
+    must_succeed(&window.end());
+    let kept = std::fs::read_to_string(folder.path().join("viewer.toml")).unwrap();
+    let whole = path.canonicalize().unwrap();
+    assert!(
+        kept.contains(&format!("recent = [\"{}\"]", whole.display())),
+        "{kept}"
+    );
+}

@@ -59,9 +59,9 @@ fn keys_and_mouse_move_the_lamp_and_it_is_kept_and_recorded() {
     command.arg("--record").arg(&input);
     command.env("SURFEL_CONFIG", folder.path());
     let mut window = Window::start(&display, command);
-    window.wait_for_picture("the headlight", &draw(""));
+    window.wait_for_picture("the first light, studio", &draw(""));
     let steps: [(&[&str], &str); 5] = [
-        (&["l", "l"], "--light-at -30,30"),
+        (&["l", "l", "l", "l", "l", "l"], "--light-at -30,30"),
         (&["Right", "Right", "Up"], "--light-at -20,35"),
         (&["Home", "Home"], "--light-at -20,35 --specular 0.3"),
         (

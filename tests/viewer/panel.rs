@@ -421,10 +421,10 @@ fn the_window_shows_what_render_draws_with_every_method_and_splat() {
         (&["n"], "--splat disc"),
         (&["n"], "--splat ellipse"),
         (&["n"], "--splat gauss"),
-        (&["j"], "--splat gauss --shading deferred"),
+        (&["j"], "--splat gauss --splat-shading deferred"),
         (
             &["."],
-            "--splat gauss --shading deferred --depth-offset 1.25",
+            "--splat gauss --splat-shading deferred --depth-offset 1.25",
         ),
         (&["o", "j", "n"], "--splat visibility"),
         (&["k"], "--splat visibility --reconstruct density"),

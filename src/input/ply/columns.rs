@@ -23,6 +23,8 @@ pub(super) enum ColorColumns {
     },
     /// Three bytes in the bits of a number, as the Point Cloud Library has them: 0xRRGGBB.
     Packed(Column),
+    /// The first three numbers of a list.
+    Listed(Column),
     /// The constant part of spherical harmonics.
     Harmonics([Column; 3]),
 }
@@ -144,7 +146,24 @@ impl Lookup<'_> {
         if let Some(columns) = self.three(["f_dc_0", "f_dc_1", "f_dc_2"]) {
             return Some(ColorColumns::Harmonics(columns));
         }
-        let names = ["rgb", "rgba", "packed_rgb", "color", "colour"];
+        let names = ["rgb", "rgba", "packed_rgb", "color", "colour", "colors"];
+        let listed = names.iter().find_map(|wanted| {
+            self.0
+                .iter()
+                .enumerate()
+                .find_map(|(property, (name, kind))| match *kind {
+                    Property::List { item, .. } if name.eq_ignore_ascii_case(wanted) => {
+                        Some(Column {
+                            property,
+                            kind: item,
+                        })
+                    }
+                    _ => None,
+                })
+        });
+        if let Some(column) = listed {
+            return Some(ColorColumns::Listed(column));
+        }
         let mut packed = names.into_iter().filter_map(|name| self.column(name));
         packed
             .find(|column| matches!(column.kind, Type::F32 | Type::I32 | Type::U32))
@@ -366,6 +385,7 @@ fn use_of(element: &Element, property: usize) -> Option<&'static str> {
         Role::Vertices(columns) => match columns.color? {
             ColorColumns::Channels { rgb, .. } if has(&rgb) => Some("color"),
             ColorColumns::Packed(column) if has(&[column]) => Some("color, packed"),
+            ColorColumns::Listed(column) if has(&[column]) => Some("color, a list"),
             ColorColumns::Harmonics(columns) if has(&columns) => Some("color, 0.5 + 0.2821 of it"),
             _ => None,
         },

@@ -132,7 +132,8 @@ pub(super) fn read_vertices<const BIG: bool>(
                 of_harmonics(columns.map(|(at, kind)| decode::<BIG>(&row[at..], kind)))
             });
         }
-        None => {}
+        // Rows with lists have no fixed size.
+        Some(ColorColumns::Listed(_)) | None => {}
     }
 }
 

@@ -485,6 +485,21 @@ fn read_strips<S: Source>(
     Ok(())
 }
 
+/// The first three numbers of a list of color values; a short one has zeros.
+fn listed_color<S: Source>(
+    job: &mut Job<'_>,
+    source: &mut S,
+    count: Type,
+    item: Type,
+) -> Result<[f64; 3], Error> {
+    let mut color = [0.0; 3];
+    for index in 0..read_length(job, source, count, item)? as usize {
+        let value = item.color_value(source.dispensable(job, item, Fault::COLOR)?);
+        (color.iter_mut().skip(index).take(1)).for_each(|channel| *channel = value);
+    }
+    Ok(color)
+}
+
 fn read_vertices<S: Source>(
     job: &mut Job<'_>,
     source: &mut S,
@@ -503,7 +518,7 @@ fn read_vertices<S: Source>(
     const PLACE: usize = 10;
     const IGNORED: usize = 12;
     let mut slot_of = vec![IGNORED; element.properties.len()];
-    let (mut color, mut packed) = (None, None);
+    let (mut color, mut packed, mut listed) = (None, None, None);
     match columns.color {
         Some(ColorColumns::Channels { rgb, alpha }) => {
             sink.colors.ranges = rgb.map(|column| column.kind.color_range());
@@ -514,6 +529,10 @@ fn read_vertices<S: Source>(
         }
         Some(ColorColumns::Harmonics(harmonics)) => color = Some(harmonics),
         Some(ColorColumns::Packed(column)) => packed = Some(column.property),
+        Some(ColorColumns::Listed(column)) => {
+            sink.colors.ranges = [column.kind.color_range(); 3];
+            listed = Some(column.property);
+        }
         None => {}
     }
     let groups = [Some(columns.position), columns.normal, color];
@@ -549,6 +568,9 @@ fn read_vertices<S: Source>(
                         value
                     };
                 }
+                Property::List { count, item } if Some(index) == listed => {
+                    values[6..9].copy_from_slice(&listed_color(job, source, count, item)?);
+                }
                 Property::List { .. } => skip(job, source, property)?,
             }
         }
@@ -565,7 +587,7 @@ fn read_vertices<S: Source>(
         }
         let rgb = [values[6], values[7], values[8]];
         match columns.color {
-            Some(ColorColumns::Channels { .. }) => {
+            Some(ColorColumns::Channels { .. } | ColorColumns::Listed(_)) => {
                 sink.colors.push(rgb);
                 sink.is_transparent |= !is_opaque(values[ALPHA]);
             }

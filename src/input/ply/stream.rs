@@ -169,7 +169,7 @@ fn can_stream(columns: &VertexColumns) -> bool {
         Some(ColorColumns::Channels { rgb, .. }) => rgb
             .iter()
             .all(|column| matches!(column.kind, Type::U8 | Type::I8)),
-        Some(ColorColumns::Harmonics(_)) => false,
+        Some(ColorColumns::Harmonics(_) | ColorColumns::Listed(_)) => false,
     };
     are_bytes && !columns.are_splats && columns.place.is_none()
 }

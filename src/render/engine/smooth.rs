@@ -5,6 +5,7 @@ use crate::gpu::Error;
 use crate::image::{Accumulator, EVEN_SAMPLES, FloatImage, Image, evenly, mean_difference};
 use crate::math::camera::View;
 use crate::render::{Method, Settings, SplatKind};
+use std::ops::Range;
 
 /// Threshold of smooth pictures of surfaces by squares, pixels. Splats of a pixel would widen what their samples share;
 /// of smaller ones those that contain no sample are dropped, so that they cost no more.
@@ -17,45 +18,86 @@ pub fn smooth_threshold(settings: &Settings, is_surface: bool) -> Option<f32> {
     (has_squares && is_surface).then_some(SMOOTH_THRESHOLD_PX)
 }
 
-/// Sides of the grids of samples in each pixel: of 16 samples of paged files, and where 16 are not enough.
+/// Samples of a pixel at least; twice as many where they are not enough.
+const LEAST_SAMPLES: u32 = EVEN_SAMPLES / 2;
+
+/// The same of paged files, whose samples are pixels of a larger picture: sides of grids.
 const LEAST_SIDE: u32 = 4;
 const MOST_SIDE: u32 = 8;
 
 /// Mean difference of covered pixels between two halves of the samples above which more are drawn, 1 is white. Their mean is
 /// off by about half of it.
-const SMOOTH_DIFFERENCE: f64 = 2.0 / 255.0;
+const SMOOTH_DIFFERENCE: f64 = 1.25 / 255.0;
+const SMOOTH_DIFFERENCE_OF_GRIDS: f64 = 2.0 / 255.0;
 
 impl Engine<'_> {
-    /// The mean of 16 samples a pixel, or of 64 where 16 are too few: where two halves of them, each even in the pixel,
-    /// differ by more than two levels of 255 in the mean of all covered pixels. Each is as [`Engine::sample`] draws it.
+    /// The mean of 32 samples a pixel, or of 64 where these are too few: where two halves of them, each even in the pixel,
+    /// differ by more than a level and a quarter of 255 in the mean of all covered pixels. Each is as [`Engine::sample`] draws
+    /// it.
     ///
     /// # Errors
     /// As [`Engine::render`].
     pub fn smooth(&mut self, view: &View, settings: &Settings) -> Result<FloatImage, Error> {
-        let mut halves = [Accumulator::new(), Accumulator::new()];
-        let mut add = |half: u32, image: &Image| {
-            if let Err(error) = halves[(half % 2) as usize].add(image) {
-                unreachable!("pictures of one view: {error}");
-            }
-        };
-        // Pixels of a larger picture lie on a grid.
         if self.factor_of_samples(view, settings, LEAST_SIDE) > 1 {
-            let row = |i: u32| i / LEAST_SIDE;
-            self.samples(view, settings, LEAST_SIDE, |i, image| {
-                add(i + row(i), image)
-            })?;
-        } else {
-            for i in 0..EVEN_SAMPLES {
-                add(i.count_ones(), &self.sample(&evenly(view, i), settings)?);
-            }
+            return self.smooth_of_grids(view, settings);
         }
-        let [mut all, other] = halves;
-        if mean_difference(&all.mean(), &other.mean()) > SMOOTH_DIFFERENCE {
-            return self.supersample(view, settings, MOST_SIDE);
-        }
-        if let Err(error) = all.join(&other) {
-            unreachable!("pictures of one view: {error}");
+        let quarter = LEAST_SAMPLES / 2;
+        let mut all = self.even_samples(view, settings, 0..quarter)?;
+        let other = self.even_samples(view, settings, quarter..LEAST_SAMPLES)?;
+        let is_enough = mean_difference(&all.mean(), &other.mean()) <= SMOOTH_DIFFERENCE;
+        joined(&mut all, &other);
+        if !is_enough {
+            let rest = self.even_samples(view, settings, LEAST_SAMPLES..EVEN_SAMPLES)?;
+            joined(&mut all, &rest);
         }
         Ok(all.mean())
+    }
+
+    /// The mean of 64 even samples a pixel, as [`Engine::smooth`] draws them where it takes all: the reference of pictures.
+    ///
+    /// # Errors
+    /// As [`Engine::render`].
+    pub fn mean_of_even(&mut self, view: &View, settings: &Settings) -> Result<FloatImage, Error> {
+        Ok(self.even_samples(view, settings, 0..EVEN_SAMPLES)?.mean())
+    }
+
+    /// Some of the samples that [`evenly`] places.
+    fn even_samples(
+        &mut self,
+        view: &View,
+        settings: &Settings,
+        numbers: Range<u32>,
+    ) -> Result<Accumulator, Error> {
+        let mut sum = Accumulator::new();
+        for i in numbers {
+            add(&mut sum, &self.sample(&evenly(view, i), settings)?);
+        }
+        Ok(sum)
+    }
+
+    /// As [`Engine::smooth`], of 16 or 64 samples on grids: pixels of a larger picture lie on them.
+    fn smooth_of_grids(&mut self, view: &View, settings: &Settings) -> Result<FloatImage, Error> {
+        let mut halves = [Accumulator::new(), Accumulator::new()];
+        self.samples(view, settings, LEAST_SIDE, |i, image| {
+            add(&mut halves[((i + i / LEAST_SIDE) % 2) as usize], image);
+        })?;
+        let [mut all, other] = halves;
+        if mean_difference(&all.mean(), &other.mean()) > SMOOTH_DIFFERENCE_OF_GRIDS {
+            return self.supersample(view, settings, MOST_SIDE);
+        }
+        joined(&mut all, &other);
+        Ok(all.mean())
+    }
+}
+
+fn add(sum: &mut Accumulator, image: &Image) {
+    if let Err(error) = sum.add(image) {
+        unreachable!("pictures of one view: {error}");
+    }
+}
+
+fn joined(sum: &mut Accumulator, other: &Accumulator) {
+    if let Err(error) = sum.join(other) {
+        unreachable!("pictures of one view: {error}");
     }
 }

@@ -91,6 +91,11 @@ impl ViewerApp {
             Command::Light => self.next_light(),
             Command::Lamp(change) => self.change_lamp(change),
             Command::FrameTime(step) => self.next_frame_time(step),
+            Command::Normals => {
+                if let Some(next) = others(choices::NORMALS, self.normals, false).first() {
+                    self.set_normals(*next);
+                }
+            }
             Command::TwoSided => self.wish(Settings {
                 two_sided: !old.two_sided,
                 ..old
@@ -168,7 +173,9 @@ impl ViewerApp {
             },
             Command::Frame => self.change(OrbitCamera::frame_model),
             Command::Reset => self.change(OrbitCamera::reset),
-            Command::Reload => self.reload(),
+            Command::Reload => {
+                self.reload();
+            }
             Command::LookFrom(azimuth, elevation) => {
                 self.change(|orbit| orbit.look_from(azimuth, elevation));
             }

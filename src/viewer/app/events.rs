@@ -3,9 +3,11 @@
 use super::draw::camera_of;
 use super::{FileAsk, LONGEST_TICK_S, REST_S, ViewerApp};
 use crate::math::camera::Camera;
+use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::photos::formats::locate_scene;
 use crate::viewer::Error;
 use crate::viewer::camera::OrbitCamera;
+use crate::viewer::choices::{self, SurfaceNormals};
 use crate::viewer::control::FrameBudget;
 use crate::viewer::event::{KeyModifiers, KeyboardKey, ViewerEvent};
 use crate::viewer::input::{self, Command, DragAction, MouseGesture};
@@ -244,7 +246,7 @@ impl ViewerApp {
     }
 
     /// Asks for a model, and for more that are shown with it.
-    fn open(&mut self, path: PathBuf, more: Vec<PathBuf>) {
+    pub(super) fn open(&mut self, path: PathBuf, more: Vec<PathBuf>) {
         self.notices.clear();
         self.is_reloading = false;
         self.options.model.clone_from(&path);
@@ -252,16 +254,41 @@ impl ViewerApp {
         self.asks.push(FileAsk::Open { path, more });
     }
 
-    /// Asks for the models again; they are seen as before.
-    pub(super) fn reload(&mut self) {
+    /// Asks for the models again; they are seen as before. Returns whether that can be.
+    pub(super) fn reload(&mut self) -> bool {
         let (path, more) = (self.options.model.clone(), self.options.more.clone());
         if self.shown_files().any(|path| path == Path::new("-")) {
             self.warn("what came from standard input cannot be read again");
-            return;
+            return false;
         }
         self.notices.clear();
         self.is_reloading = true;
         self.asks.push(FileAsk::Open { path, more });
+        true
+    }
+
+    /// Gives surfaces other normals: the models are opened again, and those that come later have them too.
+    pub(super) fn set_normals(&mut self, normals: SurfaceNormals) {
+        if normals == self.normals || !self.reload() {
+            return;
+        }
+        self.normals = normals;
+        let name = choices::name_of(choices::NORMALS, normals);
+        self.inform(&format!("normals of surfaces: {name}; opening again"));
+    }
+
+    /// The crease angle that models are opened with: none keeps the normals of their files.
+    pub(super) fn crease_degrees(&self) -> Option<f32> {
+        let given = self.options.opening.tree.crease_degrees;
+        match self.normals {
+            SurfaceNormals::File => None,
+            SurfaceNormals::Flat => Some(0.0),
+            SurfaceNormals::Smooth => Some(
+                given
+                    .filter(|degrees| *degrees > 0.0)
+                    .unwrap_or(USUAL_CREASE_DEGREES),
+            ),
+        }
     }
 
     /// Paths of the models that were asked for last.

@@ -11,6 +11,7 @@ mod poses;
 mod show;
 
 use super::camera::OrbitCamera;
+use super::choices::SurfaceNormals;
 use super::control::FrameBudget;
 use super::event::KeyboardKey;
 use super::graph::TimeHistory;
@@ -20,6 +21,7 @@ use super::measuring::MeasureTool;
 use super::notice::{NoticeList, NoticeWeight};
 use super::pace::PacedFrame;
 use super::panel::PanelFacts;
+use super::recent::RecentFiles;
 use super::screen::WindowScreen;
 use super::ui::PanelInterface;
 use super::{Error, RunFigures, ViewerOptions, text};
@@ -121,6 +123,10 @@ pub(super) struct ViewerApp {
     drawn_with: Option<(Settings, Instant)>,
     /// The axis that is up in the model.
     up: UpAxis,
+    /// Which normals surfaces have.
+    normals: SurfaceNormals,
+    /// Files that were shown.
+    pub(super) recent: RecentFiles,
     /// What of paged files is still to come, shown in its place.
     page_status: Option<String>,
     pub(super) name: String,
@@ -216,6 +222,12 @@ impl ViewerApp {
             page_status: None,
             drawn_with: None,
             up: UpAxis::Y,
+            normals: match options.opening.tree.crease_degrees {
+                None => SurfaceNormals::File,
+                Some(0.0) => SurfaceNormals::Flat,
+                Some(_) => SurfaceNormals::Smooth,
+            },
+            recent: RecentFiles::new(&options.window.recent),
             name: text::name(&options.model),
             has_panel: options.window.panel,
             has_help: false,
@@ -310,8 +322,9 @@ impl ViewerApp {
         (last.weight == NoticeWeight::Warning).then_some(last.text.as_str())
     }
 
-    /// Says where models are to be copied to while they are loaded.
+    /// Says where models are to be copied to while they are loaded, and which normals they are to have.
     pub(super) fn tell_device(&self, loader: &mut ModelLoader) {
+        loader.set_crease(self.crease_degrees());
         loader.copy_to(self.screen.gpu(), self.settings.method == Method::Triangles);
     }
 
@@ -369,6 +382,9 @@ impl ViewerApp {
         let is_reloading = std::mem::take(&mut self.is_reloading);
         match outcome {
             Ok(()) => {
+                if !is_preview {
+                    self.recent.add(path);
+                }
                 self.take_model(path, is_preview, is_reloading)?;
                 self.is_reloading = is_reloading && is_preview;
                 for failure in std::mem::take(&mut self.failures) {

@@ -88,6 +88,8 @@ impl ViewerApp {
         let state = PanelState {
             settings: &self.settings,
             light: self.light_kind(),
+            normals: self.normals,
+            recent: self.recent.files(),
             radius: self.around().map_or(1.0, |(_, radius)| radius),
             facts: self.facts.as_ref(),
             status: self.status.as_deref().or(self.page_status.as_deref()),
@@ -166,6 +168,8 @@ impl ViewerApp {
                 PanelWish::Command(command) => self.command(command)?,
                 PanelWish::Settings(settings) => self.wish(*settings),
                 PanelWish::Light(light) => self.set_light(light),
+                PanelWish::Normals(normals) => self.set_normals(normals),
+                PanelWish::Open(path) => self.open(path, Vec::new()),
                 PanelWish::RemoveMeasure(index) => self.measuring.remove(index),
                 PanelWish::FrameTime(ms) => self.set_frame_time(ms),
                 PanelWish::Photograph(wish) => self.photograph_wish(wish),

@@ -3,15 +3,27 @@
 use super::{PanelWish, choose};
 use crate::image::MarkChoice;
 use crate::render::Settings;
-use crate::viewer::choices::{self, name_of};
+use crate::viewer::choices::{self, SurfaceNormals, name_of};
 use crate::viewer::input::Command;
 use crate::viewer::lamp::{KINDS, LightKind};
 use egui::{Grid, Ui};
 
 /// Lets the user change how surfaces look.
-pub(super) fn show(ui: &mut Ui, settings: &mut Settings, light: &mut LightKind) {
+pub(super) fn show(
+    ui: &mut Ui,
+    settings: &mut Settings,
+    light: &mut LightKind,
+    normals: &mut SurfaceNormals,
+) {
     Grid::new("look").num_columns(2).show(ui, |ui| {
         choose(ui, "light", KINDS, light, "What lights the model (L)");
+        choose(
+            ui,
+            "normals",
+            choices::NORMALS,
+            normals,
+            "Normals of surfaces; another choice opens the files again (Shift S)",
+        );
         choose(
             ui,
             "culling",

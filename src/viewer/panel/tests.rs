@@ -1,6 +1,8 @@
 //! Every control of the panel, found as a screen reader finds it: it has a tooltip that names a key, and that key is one.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod recent;
+
 use super::*;
 use crate::image::MarkChoice;
 use crate::math::camera::Light;
@@ -183,6 +185,8 @@ fn state<'a>(settings: &'a Settings, facts: &'a PanelFacts) -> PanelState<'a> {
     PanelState {
         settings,
         light: LightKind::of(Light::Point, &settings.light),
+        normals: SurfaceNormals::File,
+        recent: &[],
         radius: 2.0,
         facts: Some(facts),
         status: None,
@@ -347,9 +351,11 @@ fn what_a_click_does_a_key_does() {
                     new.depth_offset.is_none() && commands.contains(&Command::UsualDepthOffset)
                 }
                 PanelWish::Light(_) => commands.contains(&Command::Light),
-                PanelWish::Show { .. } | PanelWish::Photograph(_) | PanelWish::RemoveMeasure(_) => {
-                    false
-                }
+                PanelWish::Normals(_) => commands.contains(&Command::Normals),
+                PanelWish::Show { .. }
+                | PanelWish::Photograph(_)
+                | PanelWish::RemoveMeasure(_)
+                | PanelWish::Open(_) => false,
                 PanelWish::FrameTime(_) => commands.contains(&Command::FrameTime(1)),
             };
             assert!(

@@ -1,0 +1,65 @@
+//! The options that place and color one of several models.
+
+use super::background::parse_color;
+use super::{Failure, usage};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use surfel::mesh::placement::{MeshPlacement, parse_transform};
+
+/// Where models stand and what color they have, in the order of the models.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct PlacementArgs {
+    /// Move a model: a file with 4 x 4 numbers, row by row, from its coordinates to those of the picture. The first --transform is of the first model, the second of the second; none leaves one where it is
+    #[arg(long = "transform", value_name = "FILE|none")]
+    transforms: Vec<PathBuf>,
+    /// Color a model, as --background names colors; the first --model-color is of the first model; none leaves one its own
+    #[arg(long = "model-color", value_name = "COLOR|none", value_parser = parse_model_color)]
+    colors: Vec<ModelColor>,
+}
+
+/// The color of a model, or its own.
+#[derive(Debug, Clone, Copy)]
+struct ModelColor(Option<[u8; 3]>);
+
+fn parse_model_color(text: &str) -> Result<ModelColor, String> {
+    if text == "none" {
+        return Ok(ModelColor(None));
+    }
+    let color = parse_color(text).map_err(|error| format!("{error}, or none"))?;
+    Ok(ModelColor(Some(color.map(|c| (c * 255.0).round() as u8))))
+}
+
+impl PlacementArgs {
+    /// Reads the files: what is asked of each of so many models.
+    ///
+    /// # Errors
+    /// When there are more options than models, or a file is no transform.
+    pub(crate) fn of_models(&self, count: usize) -> Result<Vec<MeshPlacement>, Failure> {
+        for (option, given) in [
+            ("--transform", self.transforms.len()),
+            ("--model-color", self.colors.len()),
+        ] {
+            if given > count {
+                return Err(usage(format!(
+                    "{option} is given {given} times, for {count} model{}",
+                    if count == 1 { "" } else { "s" }
+                )));
+            }
+        }
+        (0..count)
+            .map(|index| {
+                let file = self.transforms.get(index);
+                let file = file.filter(|file| *file != Path::new("none"));
+                let transform = file.map(|file| {
+                    let text = std::fs::read_to_string(file).map_err(|e| e.to_string());
+                    text.and_then(|text| parse_transform(&text))
+                        .map_err(|e| usage(format!("--transform {}: {e}", file.display())))
+                });
+                Ok(MeshPlacement {
+                    transform: transform.transpose()?,
+                    color: self.colors.get(index).and_then(|color| color.0),
+                })
+            })
+            .collect()
+    }
+}
