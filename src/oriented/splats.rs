@@ -3,8 +3,10 @@
 use crate::abi::OrientedPolygon;
 use crate::oriented::angle_test::{self, FaceWeight};
 use crate::oriented::clip::{ClipRule, ClipScratch, SplatDrafts, splats_of_point};
+use crate::oriented::levels::LevelLeaf;
 use crate::oriented::look::{VertexLook, take_look};
 use crate::oriented::radius::{RadiusRule, of_point};
+use crate::oriented::resample::SampleChoice;
 use crate::oriented::surface::WeldedSurface;
 use crate::pack::polygons::PlaneFrame;
 use rayon::prelude::*;
@@ -20,6 +22,17 @@ pub struct SplatRules {
     pub angle_test: Option<f64>,
     /// Splats are cut at edges, faces within this angle of their mean share one, radians; `None` for whole discs.
     pub clip: Option<f64>,
+    /// Splats lie evenly on the surface instead of at its vertices.
+    pub samples: Option<SampleChoice>,
+    /// What is small on the picture is one disc for many points, and what leaves are; `None` draws all.
+    pub levels: Option<LevelLeaf>,
+}
+
+impl SplatRules {
+    /// Faces that differ by more than this have an edge between them at which even splats are cut, radians.
+    pub fn crease(&self) -> f64 {
+        self.clip.unwrap_or(std::f64::consts::PI)
+    }
 }
 
 /// Splats and triangles that stand for a surface.
@@ -109,6 +122,10 @@ fn of_one(
     scratch: &mut ClipScratch,
     drafts: &mut SplatDrafts,
 ) {
+    if rules.levels == Some(LevelLeaf::Triangles) {
+        drafts.triangles.extend_from_slice(surface.incident(point));
+        return;
+    }
     let normal = angle_test::normal_of(surface, point, rules.weight);
     if let Some(threshold) = rules.angle_test
         && angle_test::least_cosine(surface, point, normal) < threshold.cos()

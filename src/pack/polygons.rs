@@ -190,6 +190,14 @@ impl OrientedPolygon {
         self.center + u * self.axis + v * self.second_axis()
     }
 
+    /// A place within it for all of it: between the center and the mean of its corners.
+    pub fn middle(&self) -> [f32; 2] {
+        let sum: glam::Vec2 = self.corners.iter().map(|&c| glam::Vec2::from(c)).sum();
+        let mean = sum / Self::MOST_CORNERS as f32;
+        let most = self.round_radius / mean.length().max(1e-30);
+        (mean * most.min(1.0)).to_array()
+    }
+
     /// The normal for light at these coordinates, model space; as long as it is stored, not a unit vector.
     pub fn normal_at(&self, [u, v]: [f32; 2]) -> Vec3 {
         let [s0, s1, s2] = self.shape_operator;

@@ -1,8 +1,10 @@
 //! Facts of what is drawn, found once: of each model, and of several that are drawn together.
 
 use crate::cut::{Cut, ZeroAreaSet};
+use crate::oriented::resample::SampleBounds;
 use crate::patches::ResidentPatches;
 use crate::progress::{Progress, Silent};
+use crate::render::vertex_splats::sample_bounds;
 use crate::tree;
 use crate::tree::{Model, ModelKind};
 use glam::{DVec3, Vec3};
@@ -20,6 +22,7 @@ pub struct ModelFacts {
     drawn: DrawnFacts,
     undrawn: OnceLock<ZeroAreaSet>,
     patches: OnceLock<ResidentPatches>,
+    samples: OnceLock<SampleBounds>,
 }
 
 /// A model to be drawn, with the facts that were found of it.
@@ -111,6 +114,7 @@ impl ModelFacts {
             drawn: model.into(),
             undrawn: OnceLock::new(),
             patches: OnceLock::new(),
+            samples: OnceLock::new(),
         }
     }
 
@@ -122,6 +126,7 @@ impl ModelFacts {
             drawn,
             undrawn: OnceLock::new(),
             patches: OnceLock::new(),
+            samples: OnceLock::new(),
         }
     }
 
@@ -145,6 +150,11 @@ impl ModelFacts {
         // Nobody cancels.
         let made = || ResidentPatches::build(model, &Silent).unwrap_or_default();
         self.patches.get_or_init(made)
+    }
+
+    /// What bounds the number of even samples; found at the first call.
+    pub(crate) fn sample_bounds(&self, model: &Model) -> &SampleBounds {
+        self.samples.get_or_init(|| sample_bounds(model))
     }
 
     /// Whether they are there.
