@@ -115,7 +115,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "failures",
         &[
-            "progress", "math", "scenes", "tree", "cut", "image", "gpu", "render", "measure",
+            "progress", "math", "scenes", "tree", "cut", "oriented", "image", "gpu", "render",
+            "measure",
         ],
     ),
     // Lays what `measure` finds side by side.
@@ -125,8 +126,10 @@ const LAYERS: &[Layer] = &[
             "progress",
             "math",
             "printable",
+            "abi",
             "tree",
             "cut",
+            "pack",
             "oriented",
             "image",
             "gpu",
@@ -170,6 +173,7 @@ const LAYERS: &[Layer] = &[
             "tree",
             "cut",
             "pack",
+            "oriented",
             "image",
             "projective",
             "gpu",

@@ -49,6 +49,21 @@ pub struct ClipRule {
     pub radius: RadiusRule,
 }
 
+/// KNOB
+pub fn knob(which: usize) -> f64 {
+    static KNOBS: std::sync::OnceLock<[f64; 6]> = std::sync::OnceLock::new();
+    KNOBS.get_or_init(|| {
+        let text = std::env::var("KNOBS").unwrap_or_default();
+        let mut knobs = [1.0, 0.0, 3.0, 0.0, 0.0, 0.0];
+        for (to, from) in knobs.iter_mut().zip(text.split(',')) {
+            if let Ok(value) = from.parse() {
+                *to = value;
+            }
+        }
+        knobs
+    })[which]
+}
+
 /// Memory that points share one after the other.
 #[derive(Debug, Default)]
 pub struct ClipScratch {
@@ -57,6 +72,7 @@ pub struct ClipScratch {
     reached: Vec<u32>,
     edges: Vec<HalfPlane>,
     kept: Vec<DVec2>,
+    crossed: Vec<CrossedEdge>,
 }
 
 #[derive(Debug, Default, Clone)]
@@ -98,7 +114,7 @@ pub fn splats_of_point(
     drafts: &mut SplatDrafts,
 ) {
     let count = gather(surface, point, rule.spread, scratch);
-    if count > MOST_CLUSTERS {
+    if count > MOST_CLUSTERS.max(knob(2) as usize) {
         drafts.triangles.extend_from_slice(surface.incident(point));
         return;
     }
@@ -166,13 +182,12 @@ fn splat_of_cluster(
         reached,
         edges,
         kept,
+        crossed,
         ..
     } = scratch;
     let FaceCluster { faces, sum } = &clusters[cluster];
     let frame = PlaneFrame::new(surface.points[point as usize], *sum)?;
     let radius = of_point(surface, point, frame.normal, faces, rule.radius);
-    // The corners that decide the radius lie on the circle, where rounding would leave gaps.
-    let radius = radius * (1.0 + RADIUS_MARGIN);
     kept.clear();
     // How far the part lies from the plane: seen from aside it is that far from where the splat is.
     let mut lift = 0.0_f64;
@@ -185,6 +200,9 @@ fn splat_of_cluster(
             .map(|&x| frame.normal.dot(x - frame.center));
         lift = heights.fold(lift, |most, height| most.max(height.abs()));
     }
+    // The corners that decide the radius lie on the circle, where rounding would leave gaps.
+    let beside = lift * knob(1);
+    let radius = radius * (1.0 + RADIUS_MARGIN) + beside;
     walk(
         surface,
         point,
@@ -195,9 +213,9 @@ fn splat_of_cluster(
         reached,
         edges,
     )?;
-    let mut corners = rectangle_around(surface, &frame, faces, kept);
+    let mut corners = rectangle_around(surface, &frame, faces, kept, beside);
     let slack = CUT_SLACK * radius + lift;
-    cut(&mut corners, radius, slack, edges, kept)?;
+    cut(&mut corners, radius, slack, edges, kept, crossed)?;
     let mut splat = OrientedPolygon::within_circle(&frame, radius, &corners, [255; 4])?;
     let least = (faces
         .iter()
@@ -205,7 +223,8 @@ fn splat_of_cluster(
     .fold(1.0, f64::min);
     splat.spread = (1.0 - least * least).max(0.0).sqrt() as f32;
     let misfit = take_look(&mut splat, surface, point, faces, looks);
-    let is_alike = misfit.turn <= rule.spread.sin() + 1e-6 && misfit.levels <= MOST_LEVELS;
+    let is_alike =
+        misfit.turn <= rule.spread.sin().min(knob(0)) + 1e-6 && misfit.levels <= MOST_LEVELS;
     is_alike.then_some(splat)
 }
 
@@ -270,6 +289,7 @@ fn rectangle_around(
     frame: &PlaneFrame,
     faces: &[u32],
     kept: &[DVec2],
+    beside: f64,
 ) -> Vec<DVec2> {
     let extent = |direction: DVec2| {
         (kept.iter().map(|&c| direction.dot(c)))
@@ -293,7 +313,7 @@ fn rectangle_around(
     }
     let (_, direction, sides) = best;
     let [[left, right], [low, high]] = sides.map(|[low, high]| {
-        let margin = RECTANGLE_MARGIN * (high - low);
+        let margin = RECTANGLE_MARGIN * (high - low) + beside;
         [low - margin, high + margin]
     });
     [[left, low], [right, low], [right, high], [left, high]]
@@ -308,27 +328,39 @@ fn cut(
     slack: f64,
     edges: &mut Vec<HalfPlane>,
     kept: &[DVec2],
+    crossed: &mut Vec<CrossedEdge>,
 ) -> Option<()> {
-    let extent = |direction: DVec2| {
-        let [low, high] = (kept.iter().map(|&c| direction.dot(c)))
+    let beyond = |corners: &[DVec2], edge: &HalfPlane| {
+        let most = (corners.iter().map(|&c| edge.direction.dot(c))).fold(f64::MIN, f64::max);
+        most.min(radius) - edge.limit
+    };
+    crossed.clear();
+    crossed.extend(edges.iter().filter_map(|&edge| {
+        if beyond(corners, &edge) <= 0.0 {
+            return None;
+        }
+        let [low, high] = (kept.iter().map(|&c| edge.direction.dot(c)))
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
                 [low.min(x), high.max(x)]
             });
-        high - low
-    };
+        Some(CrossedEdge {
+            edge,
+            extent: high - low,
+            needed: high.max(edge.limit),
+        })
+    }));
     // The edge that most of the splat lies beyond is next.
     loop {
-        let beyond = |edge: &HalfPlane| {
-            let most = (corners.iter().map(|&c| edge.direction.dot(c))).fold(f64::MIN, f64::max);
-            (most.min(radius) - edge.limit) / extent(edge.direction)
-        };
-        let worst = (edges.iter().map(beyond).enumerate()).max_by(|a, b| a.1.total_cmp(&b.1));
+        let of = |crossed: &CrossedEdge| beyond(corners, &crossed.edge) / crossed.extent;
+        let worst = (crossed.iter().map(of).enumerate()).max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((index, most)) = worst.filter(|(_, most)| *most > EDGE_SLACK) else {
             return Some(());
         };
-        let edge = edges.swap_remove(index);
-        let needed = (kept.iter().map(|&c| edge.direction.dot(c))).fold(edge.limit, f64::max);
-        let moved = (needed - edge.limit) / extent(edge.direction);
+        let CrossedEdge {
+            edge,
+            extent,
+            needed,
+        } = crossed.swap_remove(index);
         let limit = needed + slack;
         let rest = clipped(corners, HalfPlane { limit, ..edge });
         if rest.len() <= OrientedPolygon::MOST_CORNERS {
@@ -336,10 +368,20 @@ fn cut(
         } else if most > EDGE_TOLERANCE {
             return None;
         }
-        if moved > EDGE_TOLERANCE {
+        if needed - edge.limit > EDGE_TOLERANCE * extent {
             return None;
         }
     }
+}
+
+/// An edge beyond which a splat reaches.
+#[derive(Debug, Clone, Copy)]
+struct CrossedEdge {
+    edge: HalfPlane,
+    /// Of what the splat has to cover, across the edge.
+    extent: f64,
+    /// Limit that keeps all of that.
+    needed: f64,
 }
 
 fn distance_to_segment(point: DVec3, from: DVec3, to: DVec3) -> f64 {

@@ -181,7 +181,9 @@ fn halved_faces(surface: &WeldedSurface) -> Vec<Vec<u32>> {
             continue;
         };
         let size = high - low;
-        let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap_or(0);
+        let axis = (0..3)
+            .max_by(|&a, &b| size[a].total_cmp(&size[b]))
+            .unwrap_or(0);
         faces.sort_by(|&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]));
         let rest = faces.split_off(faces.len() / 2);
         nodes.extend([faces, rest]);

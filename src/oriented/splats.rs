@@ -22,6 +22,8 @@ pub struct SplatRules {
     pub angle_test: Option<f64>,
     /// Splats are cut at edges, faces within this angle of their mean share one, radians; `None` for whole discs.
     pub clip: Option<f64>,
+    /// The splats of [`SplatRules::clip`] stay whole: for measuring what their cuts cost.
+    pub is_uncut: bool,
     /// Splats lie evenly on the surface instead of at its vertices.
     pub samples: Option<SampleChoice>,
     /// What is small on the picture is one disc for many points, and what leaves are; `None` draws all.
@@ -29,6 +31,17 @@ pub struct SplatRules {
 }
 
 impl SplatRules {
+    /// Angle of clusters where nothing else is asked for, degrees.
+    pub const USUAL_DEGREES: f64 = 5.0;
+
+    /// Splats of vertices that cover, cut at edges.
+    pub fn usual() -> Self {
+        Self {
+            clip: Some(Self::USUAL_DEGREES.to_radians()),
+            ..Self::default()
+        }
+    }
+
     /// Faces that differ by more than this have an edge between them at which even splats are cut, radians.
     pub fn crease(&self) -> f64 {
         self.clip.unwrap_or(std::f64::consts::PI)
@@ -138,7 +151,13 @@ fn of_one(
             spread,
             radius: rules.radius,
         };
+        let first = drafts.splats.len();
         splats_of_point(surface, point, looks, &rule, scratch, drafts);
+        if rules.is_uncut {
+            drafts.splats[first..]
+                .iter_mut()
+                .for_each(OrientedPolygon::make_whole);
+        }
         return;
     }
     let faces = surface.incident(point);

@@ -175,6 +175,15 @@ impl OrientedPolygon {
         })
     }
 
+    /// Takes back all that was cut off a disc.
+    pub fn make_whole(&mut self) {
+        let corners = around_circle(self.round_radius.into(), Self::MOST_CORNERS);
+        for (to, from) in self.corners.iter_mut().zip(corners) {
+            *to = from.as_vec2().to_array();
+        }
+        self.corner_count = Self::MOST_CORNERS as u32;
+    }
+
     /// Direction of v.
     pub fn second_axis(&self) -> Vec3 {
         self.normal.cross(self.axis)

@@ -4,6 +4,8 @@
 use super::*;
 use crate::image::MarkChoice;
 use crate::math::camera::Light;
+use crate::oriented::resample::{SampleChoice, SamplePattern};
+use crate::oriented::splats::SplatRules;
 use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Phong};
 use crate::render::stats::{FrameCounts, OverdrawSummary};
@@ -160,6 +162,22 @@ fn all_settings() -> Vec<Settings> {
             });
         }
     }
+    let vertices = |rules| Settings {
+        method: Method::Splats,
+        vertex_splats: Some(rules),
+        ..Settings::default()
+    };
+    all.push(vertices(SplatRules {
+        angle_test: Some(0.2),
+        ..SplatRules::usual()
+    }));
+    all.push(vertices(SplatRules {
+        samples: Some(SampleChoice {
+            pattern: SamplePattern::Rays,
+            spacing: None,
+        }),
+        ..SplatRules::usual()
+    }));
     for lamp in lamps() {
         all.push(Settings {
             light: Lighting::Phong(lamp),
@@ -211,7 +229,19 @@ fn listed_keys() -> Vec<&'static str> {
 }
 
 /// Beginnings of the tooltips of controls that no key has.
-const WITHOUT_KEYS: [&str; 3] = ["Draw a node as one polygon", "Error of", "Hold the shade"];
+const WITHOUT_KEYS: [&str; 11] = [
+    "Draw a node as one polygon",
+    "Error of",
+    "Hold the shade",
+    "Faces within this angle",
+    "Vertices with a face",
+    "The least radius",
+    "0.65 of the distance",
+    "Half of that",
+    "Every splat is drawn",
+    "What is smaller",
+    "Splats lie",
+];
 
 /// Whether a tooltip names, in parentheses, a key that is listed.
 fn names_a_key(tip: &str) -> bool {
@@ -288,6 +318,10 @@ fn every_control_has_a_tooltip_with_its_key() {
         "shading",
         "light both sides",
         "hold the cut",
+        "splats from vertices",
+        "angle test",
+        "levels, triangles",
+        "Poisson disc",
         "Picture",
         "none",
         "goes with the viewer",
@@ -339,6 +373,9 @@ fn what_a_click_does_a_key_does() {
                 }
                 PanelWish::Settings(new) if new.two_sided != settings.two_sided => {
                     commands.contains(&Command::TwoSided)
+                }
+                PanelWish::Settings(new) if new.vertex_splats != settings.vertex_splats => {
+                    commands.contains(&Command::VertexSplats)
                 }
                 PanelWish::Settings(new) if new.use_colors != settings.use_colors => {
                     commands.contains(&Command::Colors)
