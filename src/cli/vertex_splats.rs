@@ -2,10 +2,9 @@
 
 use super::{Failure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
-use surfel::oriented::levels::LevelLeaf;
 use surfel::oriented::radius::RadiusRule;
 use surfel::oriented::resample::{SampleChoice, SamplePattern};
-use surfel::oriented::splats::SplatRules;
+use surfel::oriented::splats::{LevelLeaf, SplatRules};
 use surfel::render::Method;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -224,6 +224,8 @@ pub static ROWS: &[FailureRow] = &[
     row("pedestal", "points", Missing, [1300.0, 2400.0], SPARSE),
     row("pedestal", "points", Lost, [1200.0, 2300.0], SPARSE),
     row("pedestal", "points", Stray, [10.0, 25.0], SPARSE),
+    row("statue-on-plinth", "points", Missing, [1500.0, 3000.0], SPARSE),
+    row("statue-on-plinth", "points", Lost, [1400.0, 2900.0], SPARSE),
     row("pedestal", "points", Astray, [10.0, 20.0], SPARSE),
     row("cube-edge", "points", Stray, [4.0, 10.0], HIDDEN_VERTICES),
     row("cube-edge", "points", Astray, [2.0, 8.0], HIDDEN_VERTICES),

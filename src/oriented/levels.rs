@@ -20,15 +20,6 @@ const LEAST_EXTENT: f64 = 1e-6;
 /// By how much spheres are larger than they have to be, for rounding.
 const SPHERE_MARGIN: f64 = 1e-5;
 
-/// What a leaf of the tree is drawn as.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LevelLeaf {
-    /// Its splats.
-    Splats,
-    /// The triangles around it.
-    Triangles,
-}
-
 /// A tree over the points of a surface.
 #[derive(Debug, Default)]
 pub struct SplatLevels {

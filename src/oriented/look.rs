@@ -175,6 +175,19 @@ pub fn take_look_of_face(
     let [red, green, blue] = color.round().as_u8vec3().to_array();
     splat.color = [red, green, blue, 255];
     splat.shading_normal = normal.normalize_or(own).as_vec3();
+    // Normals change evenly over a face; what of that is symmetric and in its plane a shape operator has.
+    let length = normal.length();
+    if length > 0.0 && looks.iter().all(|look| look.normal != DVec3::ZERO) {
+        let axes = [splat.axis, splat.second_axis()].map(|axis| axis.as_dvec3());
+        let change = axes.map(|axis| {
+            let moved = weights_at([a, b, c], splat.center.as_dvec3() + axis);
+            let of = |k: usize| (moved[k] - weights[k]) * looks[k].normal;
+            (of(0) + of(1) + of(2)) / length
+        });
+        let [along, across] = change.map(|change| axes.map(|axis| axis.dot(change)));
+        let bend = [along[0], (along[1] + across[0]) / 2.0, across[1]];
+        splat.shape_operator = bend.map(|x| x as f32);
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 use crate::abi::OrientedPolygon;
 use crate::oriented::angle_test::{self, FaceWeight};
 use crate::oriented::clip::{ClipRule, ClipScratch, SplatDrafts, splats_of_point};
-use crate::oriented::levels::LevelLeaf;
 use crate::oriented::look::{VertexLook, take_look};
 use crate::oriented::radius::{RadiusRule, of_point};
 use crate::oriented::resample::SampleChoice;
@@ -46,6 +45,15 @@ impl SplatRules {
     pub fn crease(&self) -> f64 {
         self.clip.unwrap_or(std::f64::consts::PI)
     }
+}
+
+/// What a leaf of a tree over points is drawn as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LevelLeaf {
+    /// Its splats.
+    Splats,
+    /// The triangles around it.
+    Triangles,
 }
 
 /// Splats and triangles that stand for a surface.

@@ -4,7 +4,6 @@ use crate::cut::{Cut, ZeroAreaSet};
 use crate::oriented::resample::SampleBounds;
 use crate::patches::ResidentPatches;
 use crate::progress::{Progress, Silent};
-use crate::render::vertex_splats::sample_bounds;
 use crate::tree;
 use crate::tree::{Model, ModelKind};
 use glam::{DVec3, Vec3};
@@ -154,7 +153,9 @@ impl ModelFacts {
 
     /// What bounds the number of even samples; found at the first call.
     pub(crate) fn sample_bounds(&self, model: &Model) -> &SampleBounds {
-        self.samples.get_or_init(|| sample_bounds(model))
+        let position = |v: u32| model.vertices.get(v as usize).map(|v| v.position);
+        let found = || SampleBounds::of(position, &model.triangles);
+        self.samples.get_or_init(found)
     }
 
     /// Whether they are there.

@@ -5,11 +5,10 @@ use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::oriented::levels::{LevelCut, SplatLevels};
 use crate::oriented::look::VertexLook;
-use crate::oriented::resample::{SampleBounds, samples_of};
+use crate::oriented::resample::samples_of;
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
-use crate::render::model_facts::DrawnParts;
-use crate::tree::Model;
+use crate::render::model_facts::{DrawnParts, FactedModel};
 use glam::DVec3;
 
 /// The splats of all parts, and the triangles that are drawn beside them.
@@ -38,10 +37,7 @@ impl VertexSplats {
     ) {
         let key = Some((parts.id(), *rules));
         if self.key != key {
-            self.parts = parts
-                .iter()
-                .map(|part| of_model(part.model, rules))
-                .collect();
+            self.parts = parts.iter().map(|part| of_model(part, rules)).collect();
             self.key = key;
         }
         self.chosen.resize_with(self.parts.len(), LevelCut::default);
@@ -71,7 +67,8 @@ impl VertexSplats {
 ///
 /// # Panics
 /// Where even samples are too many: the plan of a frame has refused those.
-fn of_model(model: &Model, rules: &SplatRules) -> PartSplats {
+fn of_model(part: FactedModel<'_>, rules: &SplatRules) -> PartSplats {
+    let model = part.model;
     let positions: Vec<_> = model.vertices.iter().map(|v| v.position).collect();
     let surface = WeldedSurface::new(&positions, &model.triangles);
     let looks: Vec<VertexLook> = (model.vertices.iter())
@@ -84,8 +81,11 @@ fn of_model(model: &Model, rules: &SplatRules) -> PartSplats {
         })
         .collect();
     if let Some(choice) = &rules.samples {
-        let samples = (sample_bounds(model).rules(choice, rules.crease()))
-            .and_then(|rules| samples_of(&surface, &looks, &rules));
+        let samples = (part
+            .facts
+            .sample_bounds(model)
+            .rules(choice, rules.crease()))
+        .and_then(|rules| samples_of(&surface, &looks, &rules));
         let Ok(samples) = samples else {
             unreachable!("the plan refuses samples that are too many")
         };
@@ -100,10 +100,4 @@ fn of_model(model: &Model, rules: &SplatRules) -> PartSplats {
     let set = splats_of(&surface, &looks, rules);
     let levels = (rules.levels).map(|_| SplatLevels::new(&surface, &looks, &set));
     PartSplats { set, levels }
-}
-
-/// What bounds the number of even samples of a model.
-pub(crate) fn sample_bounds(model: &Model) -> SampleBounds {
-    let position = |v: u32| model.vertices.get(v as usize).map(|v| v.position);
-    SampleBounds::of(position, &model.triangles)
 }

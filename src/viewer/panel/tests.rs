@@ -4,7 +4,6 @@
 use super::*;
 use crate::image::MarkChoice;
 use crate::math::camera::Light;
-use crate::oriented::resample::{SampleChoice, SamplePattern};
 use crate::oriented::splats::SplatRules;
 use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Phong};
@@ -162,22 +161,14 @@ fn all_settings() -> Vec<Settings> {
             });
         }
     }
-    let vertices = |rules| Settings {
+    all.push(Settings {
         method: Method::Splats,
-        vertex_splats: Some(rules),
-        ..Settings::default()
-    };
-    all.push(vertices(SplatRules {
-        angle_test: Some(0.2),
-        ..SplatRules::usual()
-    }));
-    all.push(vertices(SplatRules {
-        samples: Some(SampleChoice {
-            pattern: SamplePattern::Rays,
-            spacing: None,
+        vertex_splats: Some(SplatRules {
+            angle_test: Some(0.2),
+            ..SplatRules::usual()
         }),
-        ..SplatRules::usual()
-    }));
+        ..Settings::default()
+    });
     for lamp in lamps() {
         all.push(Settings {
             light: Lighting::Phong(lamp),
@@ -229,18 +220,11 @@ fn listed_keys() -> Vec<&'static str> {
 }
 
 /// Beginnings of the tooltips of controls that no key has.
-const WITHOUT_KEYS: [&str; 11] = [
+const WITHOUT_KEYS: [&str; 4] = [
     "Draw a node as one polygon",
     "Error of",
     "Hold the shade",
-    "Faces within this angle",
-    "Vertices with a face",
-    "The least radius",
-    "0.65 of the distance",
-    "Half of that",
-    "Every splat is drawn",
-    "What is smaller",
-    "Splats lie",
+    "Of vertices: ",
 ];
 
 /// Whether a tooltip names, in parentheses, a key that is listed.

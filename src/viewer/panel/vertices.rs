@@ -1,9 +1,8 @@
 //! The part of the panel for splats that are made from the vertices of the mesh.
 
-use crate::oriented::levels::LevelLeaf;
 use crate::oriented::radius::RadiusRule;
 use crate::oriented::resample::{SampleChoice, SamplePattern};
-use crate::oriented::splats::SplatRules;
+use crate::oriented::splats::{LevelLeaf, SplatRules};
 use crate::render::{Method, Settings};
 use egui::{DragValue, Ui};
 
@@ -27,11 +26,11 @@ pub(super) fn show(ui: &mut Ui, settings: &mut Settings) {
     };
     ui.horizontal(|ui| {
         let tip =
-            "Faces within this angle of their mean share a splat, which is cut where others begin";
+            "Of vertices: faces within this angle of their mean share a splat, which is cut where others begin";
         angle(ui, &mut rules.clip, "cut", tip);
         if rules.samples.is_none() {
             let tip =
-                "Vertices with a face this far from their normal are drawn as their triangles";
+                "Of vertices: vertices with a face this far from their normal are drawn as their triangles";
             angle(ui, &mut rules.angle_test, "angle test", tip);
         }
     });
@@ -40,27 +39,31 @@ pub(super) fn show(ui: &mut Ui, settings: &mut Settings) {
             (
                 RadiusRule::Cover,
                 "covering",
-                "The least radius that covers",
+                "Of vertices: the least radius that covers",
             ),
             (
                 RadiusRule::Dietz,
                 "0.65 d",
-                "0.65 of the distance to the farthest neighbor",
+                "Of vertices: 0.65 of the distance to the farthest neighbor",
             ),
-            (RadiusRule::Dietz50, "0.5 d", "Half of that distance"),
+            (
+                RadiusRule::Dietz50,
+                "0.5 d",
+                "Of vertices: half of that distance",
+            ),
         ];
         values(ui, &mut rules.radius, &radii);
         let levels = [
-            (None, "all", "Every splat is drawn"),
+            (None, "all", "Of vertices: every splat is drawn"),
             (
                 Some(LevelLeaf::Splats),
                 "levels",
-                "What is smaller than the threshold is one disc; the rest is splats",
+                "Of vertices: what is smaller than the threshold is one disc; the rest is splats",
             ),
             (
                 Some(LevelLeaf::Triangles),
                 "levels, triangles",
-                "What is smaller than the threshold is one disc; the rest is triangles",
+                "Of vertices: what is smaller than the threshold is one disc; the rest is triangles",
             ),
         ];
         values(ui, &mut rules.levels, &levels);
@@ -72,21 +75,25 @@ pub(super) fn show(ui: &mut Ui, settings: &mut Settings) {
         })
     };
     let samples = [
-        (None, "at vertices", "Splats lie at the vertices"),
+        (
+            None,
+            "at vertices",
+            "Of vertices: splats lie at the vertices",
+        ),
         (
             even(SamplePattern::Lattice),
             "lattice",
-            "Splats lie evenly: in the middle of like parts of each triangle",
+            "Of vertices: splats lie evenly: in the middle of like parts of each triangle",
         ),
         (
             even(SamplePattern::Poisson),
             "Poisson disc",
-            "Splats lie evenly: at random, none near another",
+            "Of vertices: splats lie evenly: at random, none near another",
         ),
         (
             even(SamplePattern::Rays),
             "rays",
-            "Splats lie evenly: where parallel rays along three axes meet the surface",
+            "Of vertices: splats lie evenly: where parallel rays along three axes meet the surface",
         ),
     ];
     let before = rules.samples;
