@@ -15,6 +15,8 @@ pub struct VertexLook {
     pub normal: DVec3,
     /// Red, green, blue, 0..=255; the last is not used.
     pub color: [u8; 4],
+    /// It is in an image, which no splat shows: its faces stay triangles where splats are cut.
+    pub has_image: bool,
 }
 
 impl Default for VertexLook {
@@ -23,6 +25,7 @@ impl Default for VertexLook {
         Self {
             normal: DVec3::ZERO,
             color: [255; 4],
+            has_image: false,
         }
     }
 }
@@ -122,6 +125,11 @@ pub fn take_look(
     let mut misfit = LookMisfit::default();
     let mean = DVec3::new(r.into(), g.into(), b.into());
     for &face in faces {
+        let vertices = surface.vertices_of_face[face as usize];
+        let has_image = |&v: &u32| looks.get(v as usize).is_some_and(|look| look.has_image);
+        if vertices.iter().any(has_image) {
+            misfit.levels = f64::INFINITY;
+        }
         let at = surface.corners(face);
         let seen = [0, 1, 2].map(|k| look_at(face, k));
         for &place in own_part(turned_to(surface, face, point)).corners() {
@@ -212,6 +220,7 @@ mod tests {
                 VertexLook {
                     normal: DVec3::new(a * x, b * y, 1.0).normalize(),
                     color: [10 * p.x as u8, 20, 30, 0],
+                    has_image: false,
                 }
             })
             .collect();

@@ -9,6 +9,8 @@ use crate::oriented::resample::samples_of;
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
 use crate::render::model_facts::{DrawnParts, FactedModel};
+use crate::textures::TexturePoint;
+use crate::tree::Model;
 use glam::DVec3;
 
 /// The splats of all parts, and the triangles that are drawn beside them.
@@ -71,15 +73,7 @@ fn of_model(part: FactedModel<'_>, rules: &SplatRules) -> PartSplats {
     let model = part.model;
     let positions: Vec<_> = model.vertices.iter().map(|v| v.position).collect();
     let surface = WeldedSurface::new(&positions, &model.triangles);
-    let looks: Vec<VertexLook> = (model.vertices.iter())
-        .map(|vertex| VertexLook {
-            normal: match vertex.color[3] {
-                0 => DVec3::ZERO,
-                _ => octahedral::decode(vertex.normal).as_dvec3(),
-            },
-            color: vertex.color,
-        })
-        .collect();
+    let looks = looks_of(model);
     if let Some(choice) = &rules.samples {
         let samples = (part
             .facts
@@ -100,4 +94,23 @@ fn of_model(part: FactedModel<'_>, rules: &SplatRules) -> PartSplats {
     let set = splats_of(&surface, &looks, rules);
     let levels = (rules.levels).map(|_| SplatLevels::new(&surface, &looks, &set));
     PartSplats { set, levels }
+}
+
+/// Looks of the vertices of a model.
+pub(crate) fn looks_of(model: &Model) -> Vec<VertexLook> {
+    let in_images = model.textures.as_ref().map(|textures| &textures.points[..]);
+    let has_image = |index: usize| {
+        let point = in_images.and_then(|points| points.get(index));
+        point.is_some_and(|point| *point != TexturePoint::NOWHERE)
+    };
+    (model.vertices.iter().enumerate())
+        .map(|(index, vertex)| VertexLook {
+            normal: match vertex.color[3] {
+                0 => DVec3::ZERO,
+                _ => octahedral::decode(vertex.normal).as_dvec3(),
+            },
+            color: vertex.color,
+            has_image: has_image(index),
+        })
+        .collect()
 }

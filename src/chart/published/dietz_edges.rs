@@ -8,7 +8,6 @@ use crate::chart::plot::angles::AngleLine;
 use crate::chart::run::orbit;
 use crate::image::Image;
 use crate::math::camera::View;
-use crate::math::octahedral;
 use crate::measure::{PIXELS_PER_DEGREE, flip};
 use crate::oriented::cones::{CULL_EYES, ConeRule, count_culls};
 use crate::oriented::look::VertexLook;
@@ -22,6 +21,7 @@ use crate::pack::{DrawList, Style};
 use crate::progress::Progress;
 use crate::render::engine::{Backend, Engine};
 use crate::render::reference::{PolygonList, render_with_polygons};
+use crate::render::vertex_splats::looks_of;
 use crate::render::{Method, PictureOutputs, Settings};
 use crate::tree::Model;
 use glam::DVec3;
@@ -143,19 +143,6 @@ fn angle_of(way: &EdgeWay) -> Option<f64> {
         3 | 4 => way.rules.clip.map(f64::to_degrees),
         _ => None,
     }
-}
-
-/// Looks of the vertices of a model.
-fn looks_of(model: &Model) -> Vec<VertexLook> {
-    (model.vertices.iter())
-        .map(|vertex| VertexLook {
-            normal: match vertex.color[3] {
-                0 => DVec3::ZERO,
-                _ => octahedral::decode(vertex.normal).as_dvec3(),
-            },
-            color: vertex.color,
-        })
-        .collect()
 }
 
 /// What a surface has of a way, without a picture.
