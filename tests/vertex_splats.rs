@@ -207,7 +207,8 @@ fn a_device_blends_and_reconstructs_as_the_reference_does() {
     let Some(device) = Device::open() else { return };
     let vulkan = Backend::Vulkan(device.gpu().clone());
     for (model, name) in [(cube(), "cube"), (sheet(), "sheet")] {
-        for rules in [cut(20.0), cut(3.0), SplatRules::default()] {
+        // Not whole discs: a cube's are seen edge-on, where the depth of a pixel is anything.
+        for rules in [cut(20.0), cut(3.0)] {
             let of = |splat, shading| Settings {
                 splat,
                 shading,
@@ -240,10 +241,8 @@ fn a_device_blends_and_reconstructs_as_the_reference_does() {
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
                     let count = differing(&reference, &own);
                     assert!(covered > 2000, "{name}: {covered}");
-                    // Whole discs cross each other, and along these lines the last bit of a depth decides what is blended.
-                    let part = if rules.clip.is_some() { 100 } else { 40 };
                     assert!(
-                        count * part < covered,
+                        count * 100 < covered,
                         "{name} {look:?}: {count} of {covered}"
                     );
                 }
@@ -274,10 +273,28 @@ fn blended_splats_of_a_cube_look_as_opaque_ones_do() {
     }
 }
 
+/// The same box with vertices and normals of their own at each face.
+fn flat_cube() -> Model {
+    let cube = cube();
+    let corner = |v: &u32| cube.vertices[*v as usize].position;
+    let positions: Vec<Vec3> = cube.triangles.iter().flatten().map(corner).collect();
+    let normals = positions.chunks(3).flat_map(|face| {
+        let normal = (face[1] - face[0]).cross(face[2] - face[0]);
+        [normal.normalize(); 3]
+    });
+    let mesh = Mesh {
+        normals: normals.collect(),
+        triangles: (0..12).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(),
+        positions,
+        ..Mesh::default()
+    };
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
 /// Even splats of every pattern show what the triangles do, by every backend.
 #[test]
 fn even_splats_of_a_cube_look_as_its_triangles_do() {
-    let model = cube();
+    let model = flat_cube();
     let view = view(&model, 1.1);
     let triangles = Settings {
         method: Method::Triangles,
@@ -297,7 +314,8 @@ fn even_splats_of_a_cube_look_as_its_triangles_do() {
         };
         for backend in [Backend::Mirror, Backend::Cpu] {
             let splats = draw(&backend, &model, &view, &even(Some(0.11)));
-            assert!(differing(&exact, &splats) < 120, "{pattern:?}");
+            let count = differing(&exact, &splats);
+            assert!(count < 120, "{pattern:?}: {count}");
         }
         let outputs = PictureOutputs::default();
         let mut engine = Engine::new(&Backend::Cpu, &model, (240, 200), outputs).unwrap();
@@ -337,7 +355,7 @@ fn levels_draw_less_from_afar_and_leave_nothing_bare() {
         let few = engine.draw(&view, &levels(leaf)).unwrap().counts;
         let many = engine.draw(&view, &all).unwrap().counts;
         assert!(
-            few.splats + few.triangles < many.splats / 2,
+            few.splats + few.triangles < (many.splats + many.triangles) / 2,
             "{few:?} {many:?}"
         );
         let whole = draw(&Backend::Cpu, &model, &view, &all);
