@@ -115,8 +115,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "failures",
         &[
-            "progress", "math", "scenes", "tree", "cut", "image", "patches", "gpu", "render",
-            "measure",
+            "progress", "math", "scenes", "tree", "cut", "oriented", "image", "patches", "gpu",
+            "render", "measure",
         ],
     ),
     // Lays what `measure` finds side by side.
@@ -126,8 +126,10 @@ const LAYERS: &[Layer] = &[
             "progress",
             "math",
             "printable",
+            "abi",
             "tree",
             "cut",
+            "pack",
             "oriented",
             "image",
             "patches",
@@ -172,6 +174,7 @@ const LAYERS: &[Layer] = &[
             "tree",
             "cut",
             "pack",
+            "oriented",
             "image",
             "projective",
             "gpu",

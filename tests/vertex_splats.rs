@@ -9,11 +9,14 @@ use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::oriented::radius::RadiusRule;
-use surfel::oriented::splats::SplatRules;
+use surfel::oriented::resample::{SampleChoice, SamplePattern};
+use surfel::oriented::splats::{LevelLeaf, SplatRules};
 use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::progress::Silent;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::{Culling, Method, PictureOutputs, Settings, SplatKind};
+use surfel::render::{
+    Blend, Culling, Method, PictureOutputs, Reconstruction, Settings, Shading, SplatKind,
+};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// A closed box of 8 vertices, one color each.
@@ -198,6 +201,170 @@ fn a_cube_of_eight_vertices_looks_as_its_triangles_do() {
     }
 }
 
+/// Blended and visibility splats from vertices, of a device and of the reference: the same pixels but where a depth decides.
+#[test]
+fn a_device_blends_and_reconstructs_as_the_reference_does() {
+    let Some(device) = Device::open() else { return };
+    let vulkan = Backend::Vulkan(device.gpu().clone());
+    for (model, name) in [(cube(), "cube"), (sheet(), "sheet")] {
+        // Not whole discs: a cube's are seen edge-on, where the depth of a pixel is anything.
+        for rules in [cut(20.0), cut(3.0)] {
+            let of = |splat, shading| Settings {
+                splat,
+                shading,
+                ..settings(rules)
+            };
+            let mut looks = vec![
+                of(SplatKind::Gauss, Shading::PerSplat),
+                of(SplatKind::Gauss, Shading::Deferred),
+                Settings {
+                    blend: Some(Blend::TwoPass),
+                    light: Lighting::Phong(Phong::default()),
+                    ..of(SplatKind::Disc, Shading::PerSplat)
+                },
+            ];
+            for reconstruction in [
+                Reconstruction::Gaussian,
+                Reconstruction::Density,
+                Reconstruction::PullPush,
+            ] {
+                looks.push(Settings {
+                    reconstruction,
+                    ..of(SplatKind::Visibility, Shading::PerSplat)
+                });
+            }
+            for look in looks {
+                for azimuth in [0.3, 2.0] {
+                    let view = view(&model, azimuth);
+                    let [reference, own] = [&Backend::Mirror, &vulkan]
+                        .map(|backend| draw(backend, &model, &view, &look));
+                    let covered = reference.color.iter().filter(|c| c[3] > 0).count();
+                    let count = differing(&reference, &own);
+                    assert!(covered > 2000, "{name}: {covered}");
+                    assert!(
+                        count * 100 < covered,
+                        "{name} {look:?}: {count} of {covered}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Blended splats have the coverage of opaque ones, and on flat faces their colors.
+#[test]
+fn blended_splats_of_a_cube_look_as_opaque_ones_do() {
+    let model = cube();
+    let view = view(&model, 0.3);
+    let opaque = draw(&Backend::Mirror, &model, &view, &settings(cut(5.0)));
+    for splat in [SplatKind::Gauss, SplatKind::Visibility] {
+        let look = Settings {
+            splat,
+            ..settings(cut(5.0))
+        };
+        let drawn = draw(&Backend::Mirror, &model, &view, &look);
+        let levels = |i: &usize| {
+            let (p, q) = (opaque.color[*i], drawn.color[*i]);
+            p[3] != q[3] || (0..3).any(|k| p[k].abs_diff(q[k]) > 2)
+        };
+        // Where faces meet both are shown.
+        let differing = (0..opaque.color.len()).filter(levels).count();
+        assert!(differing < 400, "{splat:?}: {differing}");
+    }
+}
+
+/// The same box with vertices and normals of their own at each face.
+fn flat_cube() -> Model {
+    let cube = cube();
+    let corner = |v: &u32| cube.vertices[*v as usize].position;
+    let positions: Vec<Vec3> = cube.triangles.iter().flatten().map(corner).collect();
+    let normals = positions.chunks(3).flat_map(|face| {
+        let normal = (face[1] - face[0]).cross(face[2] - face[0]);
+        [normal.normalize(); 3]
+    });
+    let mesh = Mesh {
+        normals: normals.collect(),
+        triangles: (0..12).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(),
+        positions,
+        ..Mesh::default()
+    };
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
+/// Even splats of every pattern show what the triangles do, by every backend.
+#[test]
+fn even_splats_of_a_cube_look_as_its_triangles_do() {
+    let model = flat_cube();
+    let view = view(&model, 1.1);
+    let triangles = Settings {
+        method: Method::Triangles,
+        ..Settings::default()
+    };
+    let exact = draw(&Backend::Mirror, &model, &view, &triangles);
+    for pattern in [
+        SamplePattern::Lattice,
+        SamplePattern::Poisson,
+        SamplePattern::Rays,
+    ] {
+        let even = |spacing| {
+            settings(SplatRules {
+                samples: Some(SampleChoice { pattern, spacing }),
+                ..cut(5.0)
+            })
+        };
+        for backend in [Backend::Mirror, Backend::Cpu] {
+            let splats = draw(&backend, &model, &view, &even(Some(0.11)));
+            let count = differing(&exact, &splats);
+            assert!(count < 120, "{pattern:?}: {count}");
+        }
+        let outputs = PictureOutputs::default();
+        let mut engine = Engine::new(&Backend::Cpu, &model, (240, 200), outputs).unwrap();
+        let usual = engine.draw(&view, &even(None)).unwrap().counts.splats;
+        assert!((4..80).contains(&usual), "{pattern:?}: {usual}");
+        let error = engine.render(&view, &even(Some(1e-6))).unwrap_err();
+        assert!(error.to_string().contains("larger spacing"), "{error}");
+    }
+}
+
+/// From afar the tree draws few discs, which cover what all splats cover.
+#[test]
+fn levels_draw_less_from_afar_and_leave_nothing_bare() {
+    let model = sheet();
+    let levels = |leaf| Settings {
+        threshold_px: 4.0,
+        culling: Culling::Off,
+        ..settings(SplatRules {
+            levels: Some(leaf),
+            ..cut(5.0)
+        })
+    };
+    for leaf in [LevelLeaf::Splats, LevelLeaf::Triangles] {
+        let center = model.orbit_center.as_dvec3();
+        let camera = Camera::orbit(
+            (240, 200),
+            center,
+            f64::from(model.orbit_radius),
+            0.3,
+            0.5,
+            0.04,
+        );
+        let view = camera.view(DVec3::ZERO).unwrap();
+        let all = settings(cut(5.0));
+        let outputs = PictureOutputs::default();
+        let mut engine = Engine::new(&Backend::Cpu, &model, (240, 200), outputs).unwrap();
+        let few = engine.draw(&view, &levels(leaf)).unwrap().counts;
+        let many = engine.draw(&view, &all).unwrap().counts;
+        assert!(
+            few.splats + few.triangles < (many.splats + many.triangles) / 2,
+            "{few:?} {many:?}"
+        );
+        let whole = draw(&Backend::Cpu, &model, &view, &all);
+        let coarse = draw(&Backend::Cpu, &model, &view, &levels(leaf));
+        let bare = |i: &usize| whole.color[*i][3] > 0 && coarse.color[*i][3] == 0;
+        assert_eq!((0..whole.color.len()).filter(bare).count(), 0);
+    }
+}
+
 #[test]
 fn what_is_not_drawn_is_refused_by_name() {
     let model = cube();
@@ -206,10 +373,25 @@ fn what_is_not_drawn_is_refused_by_name() {
     for (look, word) in [
         (
             Settings {
-                splat: SplatKind::Gauss,
+                splat: SplatKind::Filtered,
                 ..settings(cut(5.0))
             },
-            "--splat",
+            "--splat gauss",
+        ),
+        (
+            Settings {
+                splat: SplatKind::Disc,
+                blend: Some(Blend::DepthRange),
+                ..settings(cut(5.0))
+            },
+            "--blend two-pass",
+        ),
+        (
+            Settings {
+                shading: Shading::Deferred,
+                ..settings(cut(5.0))
+            },
+            "--splat gauss",
         ),
         (
             Settings {

@@ -4,6 +4,7 @@
 //! so that the best is at the bottom left. Colors are those of Okabe and Ito (*Color Universal Design*, 2008), which
 //! people of all kinds of color vision tell apart; kinds of lines also differ in their markers.
 
+pub mod angles;
 mod axis;
 mod labels;
 

@@ -5,6 +5,7 @@
 
 pub mod benda;
 pub mod dietz;
+mod dietz_edges;
 mod dietz_splats;
 pub mod qsplat;
 

@@ -7,6 +7,7 @@ use super::{Failure, Outcome, print, say, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use surfel::chart::plot::angles::angles_svg;
 use surfel::chart::published::{PublishedSubject, Table, benda, dietz, qsplat};
 
 const EXAMPLES: &str = "\
@@ -15,6 +16,7 @@ Examples:
   surfel reproduce benda horse.ply hand.ply.gz dragon.ply.gz
   surfel reproduce qsplat bunny.ply.gz --csv qsplat.csv
   surfel reproduce dietz porsche.obj bunny.obj.gz --json
+  surfel reproduce dietz porsche.obj --chart angles.svg
 
 Counts can be compared; times only as ratios, since the machines are not the same. docs/MEASURING.md has the protocol.";
 
@@ -47,6 +49,9 @@ pub(crate) struct Args {
     /// Write the tables as comma-separated values; - for standard output, instead of the text
     #[arg(long, value_name = "FILE", conflicts_with = "json")]
     csv: Option<PathBuf>,
+    /// Of dietz and one model: draw error and time of splats from vertices by angle as SVG
+    #[arg(long, value_name = "FILE")]
+    chart: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -89,6 +94,20 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             )));
         }
     }
+    if let Some(path) = &args.chart {
+        if !matches!(args.origin, Origin::Dietz) || args.models.len() != 1 {
+            return Err(usage(
+                "--chart shows the splats of dietz on one model; name one, or leave --chart out",
+            ));
+        }
+        super::require_folder(path)?;
+        if args.models.contains(path) || args.csv.as_ref() == Some(path) {
+            return Err(usage(format!(
+                "--chart {} would be written over another file of this command",
+                path.display()
+            )));
+        }
+    }
     let backend = args.device.open()?;
     let bar = Bar::new(quiet);
     let mut tables: Vec<Table> = Vec::new();
@@ -115,7 +134,14 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         let found = match args.origin {
             Origin::Benda => benda::tables(&backend, &subject, args.repeats, &bar)?,
             Origin::Qsplat => qsplat::tables(&backend, &subject, args.repeats, &bar)?,
-            Origin::Dietz => dietz::tables(&backend, &subject, args.repeats, &bar)?,
+            Origin::Dietz => {
+                let (tables, lines) = dietz::tables(&backend, &subject, args.repeats, &bar)?;
+                if let Some(path) = &args.chart {
+                    let title = format!("{}, {}", ready.name, backend.name());
+                    write_text(path, &angles_svg(&title, &lines))?;
+                }
+                tables
+            }
         };
         if found.is_empty() {
             let names: Vec<String> = benda::MODELS

@@ -3,7 +3,8 @@
 use super::{Failure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
 use surfel::oriented::radius::RadiusRule;
-use surfel::oriented::splats::SplatRules;
+use surfel::oriented::resample::{SampleChoice, SamplePattern};
+use surfel::oriented::splats::{LevelLeaf, SplatRules};
 use surfel::render::Method;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -22,6 +23,26 @@ enum RadiusName {
     Dietz,
     /// Half of that distance
     Dietz50,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PatternName {
+    /// In the middle of like parts of each triangle
+    Lattice,
+    /// At random, none near another
+    Poisson,
+    /// Where parallel rays along three axes meet the surface
+    Rays,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum LevelName {
+    /// All splats are drawn
+    Off,
+    /// What is smaller than the threshold is one disc; the rest is splats
+    Splats,
+    /// What is smaller than the threshold is one disc; the rest is triangles
+    Triangles,
 }
 
 /// An angle in degrees, or none.
@@ -61,12 +82,43 @@ pub(crate) struct VertexSplatArgs {
     /// Vertices with a face this far from their normal are drawn as their triangles; degrees, or off
     #[arg(long, value_name = "DEGREES", default_value = "off")]
     angle_test: AngleChoice,
+    /// Splats from vertices lie evenly on the surface instead, for models with a few large faces
+    #[arg(long, value_enum, value_name = "PATTERN")]
+    resample: Option<PatternName>,
+    /// Distance of even splats, in units of the model [default: the median of the longest sides of triangles]
+    #[arg(long, value_name = "LENGTH")]
+    spacing: Option<f64>,
+    /// Levels of detail of splats from vertices, by --threshold
+    #[arg(long, value_enum, value_name = "LEAVES", default_value = "off")]
+    levels: LevelName,
 }
 
 impl VertexSplatArgs {
     /// The rules of splats from vertices; `None` where splats come from the tree.
     pub(crate) fn rules(&self, method: Method) -> Result<Option<SplatRules>, Failure> {
+        if self.spacing.is_some() && self.resample.is_none() {
+            return Err(usage(
+                "--spacing is that of even splats; use it with --resample",
+            ));
+        }
+        if let Some(spacing) = self.spacing
+            && !(spacing.is_finite() && spacing > 0.0)
+        {
+            return Err(usage(format!(
+                "--spacing {spacing} is no length; it must be above 0"
+            )));
+        }
         if self.from == SplatOriginName::Tree {
+            if self.resample.is_some() {
+                return Err(usage(
+                    "--resample places splats on the mesh; use it with --from vertices",
+                ));
+            }
+            if self.levels != LevelName::Off {
+                return Err(usage(
+                    "splats of the tree have levels; --levels is for --from vertices",
+                ));
+            }
             return Ok(None);
         }
         if method != Method::Splats {
@@ -74,7 +126,31 @@ impl VertexSplatArgs {
                 "--from vertices makes splats; use it with --method splats",
             ));
         }
+        if self.resample.is_some() && self.angle_test != AngleChoice(None) {
+            return Err(usage(
+                "--angle-test is asked of vertices, and --resample takes none; leave one of them out",
+            ));
+        }
+        if self.resample.is_some() && self.levels != LevelName::Off {
+            return Err(usage(
+                "even splats have no levels of detail; leave --levels or --resample out",
+            ));
+        }
+        let samples = self.resample.map(|name| SampleChoice {
+            pattern: match name {
+                PatternName::Lattice => SamplePattern::Lattice,
+                PatternName::Poisson => SamplePattern::Poisson,
+                PatternName::Rays => SamplePattern::Rays,
+            },
+            spacing: self.spacing,
+        });
         Ok(Some(SplatRules {
+            samples,
+            levels: match self.levels {
+                LevelName::Off => None,
+                LevelName::Splats => Some(LevelLeaf::Splats),
+                LevelName::Triangles => Some(LevelLeaf::Triangles),
+            },
             radius: match self.radius {
                 RadiusName::Cover => RadiusRule::Cover,
                 RadiusName::Dietz => RadiusRule::Dietz,

@@ -24,6 +24,7 @@ pub use figures::{FailureCase, FailureFigure};
 pub use rules::{FailureBound, FailureCell, FailureVerdict, reach_px, rules};
 
 use crate::image::Image;
+use crate::oriented::splats::SplatRules;
 use crate::patches::PatchRules;
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
@@ -68,6 +69,7 @@ impl FailureLook {
     /// one is; points of clouds have sizes of their own in both.
     pub fn is_for(&self, case: &FailureCase) -> bool {
         let is_own_picture = match (self.settings.method, self.settings.splat) {
+            _ if self.settings.vertex_splats.is_some() => true,
             (Method::Splats, SplatKind::Filtered) if case.model.kind().is_points() => true,
             (Method::Splats, _) => case.has_large_leaves,
             // Clouds have none.
@@ -87,6 +89,18 @@ const KINDS: [(SplatKind, &str, &str); 6] = [
     (SplatKind::Visibility, "visibility", "splats-visibility"),
     (SplatKind::Filtered, "filtered", "splats-filtered"),
 ];
+
+/// Scenes with few vertices at sharp edges.
+const SHARP: &[&str] = &["cube-edge", "cube-corner", "pedestal", "statue-on-plinth"];
+
+/// Splats from vertices.
+fn from_vertices(rules: SplatRules) -> Settings {
+    Settings {
+        method: Method::Splats,
+        vertex_splats: Some(rules),
+        ..Settings::default()
+    }
+}
 
 /// Every way of drawing: `triangles`, `points`, `pop` with each kind of splat (named after the kind; `pop` is the default
 /// of the program), `splats` with each; then some of these with an option changed, for the scenes where it matters.
@@ -118,6 +132,14 @@ pub fn looks() -> Vec<FailureLook> {
     };
     looks.push(look("patches", patches));
     looks.extend([
+        FailureLook {
+            only: SHARP,
+            ..look("vertices, whole", from_vertices(SplatRules::default()))
+        },
+        FailureLook {
+            only: SHARP,
+            ..look("vertices, cut", from_vertices(SplatRules::usual()))
+        },
         FailureLook {
             only: &["open-behind", "inside"],
             ..look("pop, culling on", culling(Culling::On, SplatKind::Square))
@@ -165,6 +187,7 @@ pub static GROUPS: &[(&str, &str, &[&str])] = &[
             "cube-edge",
             "cube-corner",
             "pedestal",
+            "statue-on-plinth",
             "open-behind",
             "edge-on",
         ],

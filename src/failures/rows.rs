@@ -73,6 +73,8 @@ const fn bound(
 
 /// `pop` with every kind of splat.
 const SPLATS: &str = "pop|disc|ellipse|gauss|visibility|filtered";
+const WHOLE: &str =
+    "whole discs of vertices reach beyond the edges, and show where their planes cross";
 const SPARSE: &str = "vertices farther apart than the square leave holes";
 const HIDDEN_VERTICES: &str =
     "nothing is culled: vertices of faces that look away show beyond the rim";
@@ -225,6 +227,13 @@ pub static ROWS: &[FailureRow] = &[
     row("pedestal", "points", Missing, [1300.0, 2400.0], SPARSE),
     row("pedestal", "points", Lost, [1200.0, 2300.0], SPARSE),
     row("pedestal", "points", Stray, [10.0, 25.0], SPARSE),
+    row("cube-corner", "vertices, whole", Astray, [1.0, 2.0], WHOLE),
+    row("cube-corner", "vertices, whole", Moire, [6.0, 30.0], WHOLE),
+    row("pedestal", "vertices, whole", Astray, [1.0, 3.5], WHOLE),
+    row("statue-on-plinth", "vertices, whole", Holes, [1.0, 6.0], WHOLE),
+    row("statue-on-plinth", "vertices, whole", Moire, [6.0, 8.0], WHOLE),
+    row("statue-on-plinth", "points", Missing, [1500.0, 3000.0], SPARSE),
+    row("statue-on-plinth", "points", Lost, [1400.0, 2900.0], SPARSE),
     row("pedestal", "points", Astray, [10.0, 20.0], SPARSE),
     row("cube-edge", "points", Stray, [4.0, 10.0], HIDDEN_VERTICES),
     row("cube-edge", "points", Astray, [2.0, 8.0], HIDDEN_VERTICES),

@@ -8,7 +8,9 @@
 //! * The apex of the lower region follows from the lower circle. Above 45 degrees the upper one binds.
 //! * The radius of a circle is half the side of a box, which does not reach the corners of that.
 
+use crate::oriented::surface::WeldedSurface;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Which of the tests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,6 +113,84 @@ impl AnchoredCone {
     }
 }
 
+/// Eyes that [`count_culls`] looks from.
+pub const CULL_EYES: u32 = 1000;
+
+/// What a test culls of a tree over the faces of a surface.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct CullCount {
+    /// Faces that turn to the eye and were culled.
+    pub wrong: usize,
+    /// Nodes that were culled.
+    pub culled: usize,
+}
+
+/// Counts what a test culls from [`CULL_EYES`] eyes around and within a surface, of all nodes of a tree that halves its faces
+/// along the longest side. Takes time in proportion to eyes times faces times levels.
+pub fn count_culls(surface: &WeldedSurface, rule: ConeRule) -> CullCount {
+    let nodes = halved_faces(surface);
+    let cones: Vec<_> = (nodes.par_iter())
+        .map(|faces| {
+            let corners: Vec<DVec3> = faces.iter().flat_map(|&f| surface.corners(f)).collect();
+            let normals: Vec<DVec3> = faces.iter().map(|&f| surface.normals[f as usize]).collect();
+            AnchoredCone::new(&corners, &normals, rule)
+        })
+        .collect();
+    let radius = surface.diagonal() / 2.0;
+    let center = surface.points.iter().sum::<DVec3>() / surface.points.len().max(1) as f64;
+    let of_eye = |k: u32| {
+        let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(CULL_EYES);
+        let turn = f64::from(k) * 2.399_963_229_728_653;
+        let across = (1.0 - z * z).sqrt();
+        // From within the sphere around the model to three times its radius.
+        let distance = radius * (0.3 + 2.7 * (f64::from(k) * 0.618_034 % 1.0));
+        let eye = center + distance * DVec3::new(across * turn.cos(), across * turn.sin(), z);
+        let mut count = CullCount::default();
+        for (faces, cone) in nodes.iter().zip(&cones) {
+            if cone.is_some_and(|cone| cone.side(eye) == ConeSide::Back) {
+                count.culled += 1;
+                let sees = |&&f: &&u32| {
+                    let to_eye = eye - surface.corners(f)[0];
+                    surface.normals[f as usize].dot(to_eye) > 1e-9 * radius
+                };
+                count.wrong += faces.iter().filter(sees).count();
+            }
+        }
+        count
+    };
+    let counts: Vec<CullCount> = (0..CULL_EYES).into_par_iter().map(of_eye).collect();
+    CullCount {
+        wrong: counts.iter().map(|count| count.wrong).sum(),
+        culled: counts.iter().map(|count| count.culled).sum(),
+    }
+}
+
+/// Faces of every node of a tree that halves them along the longest side, down to single ones.
+fn halved_faces(surface: &WeldedSurface) -> Vec<Vec<u32>> {
+    let mut nodes = vec![(0..surface.faces.len() as u32).collect::<Vec<u32>>()];
+    let mut next = 0;
+    while next < nodes.len() {
+        let mut faces = nodes[next].clone();
+        next += 1;
+        if faces.len() < 2 {
+            continue;
+        }
+        let middle = |face: u32| surface.corners(face).iter().sum::<DVec3>();
+        let middles: Vec<DVec3> = faces.iter().map(|&f| middle(f)).collect();
+        let Some((low, high)) = box_of(&middles) else {
+            continue;
+        };
+        let size = high - low;
+        let axis = (0..3)
+            .max_by(|&a, &b| size[a].total_cmp(&size[b]))
+            .unwrap_or(0);
+        faces.sort_by(|&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]));
+        let rest = faces.split_off(faces.len() / 2);
+        nodes.extend([faces, rest]);
+    }
+    nodes
+}
+
 /// Smallest and largest coordinates; `None` of no points.
 fn box_of(points: &[DVec3]) -> Option<(DVec3, DVec3)> {
     let first = points.first()?;
@@ -125,7 +205,6 @@ mod tests {
     use super::*;
     use crate::mesh::Mesh;
     use crate::oriented::for_tests::{cube, grid, l_shape};
-    use crate::oriented::surface::WeldedSurface;
     use glam::Vec3;
 
     fn torus() -> Mesh {
@@ -142,61 +221,9 @@ mod tests {
         mesh
     }
 
-    /// Faces of every node of a tree that halves them along the longest side.
-    fn nodes(surface: &WeldedSurface) -> Vec<Vec<u32>> {
-        let mut nodes = vec![(0..surface.faces.len() as u32).collect::<Vec<u32>>()];
-        let mut next = 0;
-        while next < nodes.len() {
-            let mut faces = nodes[next].clone();
-            next += 1;
-            if faces.len() < 2 {
-                continue;
-            }
-            let middle = |face: u32| surface.corners(face).iter().sum::<DVec3>();
-            let middles: Vec<DVec3> = faces.iter().map(|&f| middle(f)).collect();
-            let (low, high) = box_of(&middles).unwrap();
-            let size = high - low;
-            let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap();
-            faces.sort_by(|&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]));
-            let rest = faces.split_off(faces.len() / 2);
-            nodes.extend([faces, rest]);
-        }
-        nodes
-    }
-
-    /// How many faces that turn to the eye are culled, and how many nodes are.
     fn culls(mesh: &Mesh, rule: ConeRule) -> [usize; 2] {
         let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
-        let nodes = nodes(&surface);
-        let cones: Vec<_> = (nodes.iter())
-            .map(|faces| {
-                let corners: Vec<DVec3> = faces.iter().flat_map(|&f| surface.corners(f)).collect();
-                let normals: Vec<DVec3> =
-                    faces.iter().map(|&f| surface.normals[f as usize]).collect();
-                AnchoredCone::new(&corners, &normals, rule)
-            })
-            .collect();
-        let [mut wrong, mut culled] = [0; 2];
-        let radius = surface.diagonal() / 2.0;
-        let center = surface.points.iter().sum::<DVec3>() / surface.points.len() as f64;
-        for k in 0..1000 {
-            let z = 1.0 - (2.0 * f64::from(k) + 1.0) / 1000.0;
-            let turn = f64::from(k) * 2.399_963_229_728_653;
-            let across = (1.0 - z * z).sqrt();
-            // From within the sphere around the model to three times its radius.
-            let distance = radius * (0.3 + 2.7 * (f64::from(k) * 0.618_034 % 1.0));
-            let eye = center + distance * DVec3::new(across * turn.cos(), across * turn.sin(), z);
-            for (faces, cone) in nodes.iter().zip(&cones) {
-                if cone.is_some_and(|cone| cone.side(eye) == ConeSide::Back) {
-                    culled += 1;
-                    let sees = |&&f: &&u32| {
-                        let to_eye = eye - surface.corners(f)[0];
-                        surface.normals[f as usize].dot(to_eye) > 1e-9 * radius
-                    };
-                    wrong += faces.iter().filter(sees).count();
-                }
-            }
-        }
+        let CullCount { wrong, culled } = count_culls(&surface, rule);
         [wrong, culled]
     }
 

@@ -4,6 +4,7 @@
 //! a smooth surface has, a shape operator that turns it towards those of the neighbors: three numbers, by least squares.
 
 use crate::abi::OrientedPolygon;
+use crate::oriented::radius::{own_part, turned_to};
 use crate::oriented::surface::WeldedSurface;
 use glam::{DMat3, DVec2, DVec3};
 
@@ -14,6 +15,8 @@ pub struct VertexLook {
     pub normal: DVec3,
     /// Red, green, blue, 0..=255; the last is not used.
     pub color: [u8; 4],
+    /// It is in an image, which no splat shows: its faces stay triangles where splats are cut.
+    pub has_image: bool,
 }
 
 impl Default for VertexLook {
@@ -22,6 +25,7 @@ impl Default for VertexLook {
         Self {
             normal: DVec3::ZERO,
             color: [255; 4],
+            has_image: false,
         }
     }
 }
@@ -29,10 +33,10 @@ impl Default for VertexLook {
 /// Most that a normal may turn from the middle of a splat to a corner, as a tangent: what turns more is no smooth surface.
 const MOST_TURN: f64 = 1.0;
 
-/// How far a splat is from the looks of its neighbors.
+/// How far a splat is from the look of what it has to cover.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LookMisfit {
-    /// Greatest distance of a neighbor's unit normal from the one that the splat has there.
+    /// Greatest distance of the unit normal that the splat has from the one that the mesh interpolates there.
     pub turn: f64,
     /// Greatest difference of a color, levels of 255.
     pub levels: f64,
@@ -121,19 +125,35 @@ pub fn take_look(
     let mut misfit = LookMisfit::default();
     let mean = DVec3::new(r.into(), g.into(), b.into());
     for &face in faces {
-        for (k, other) in corners(face) {
-            let (own, [r, g, b, _]) = look_at(face, k);
-            let uv = in_plane(surface.points[other as usize] - center).as_vec2();
-            let shown = splat
-                .normal_at(uv.to_array())
-                .as_dvec3()
-                .normalize_or_zero();
-            misfit.turn = misfit.turn.max(shown.distance(own));
-            let off = (DVec3::new(r.into(), g.into(), b.into()) - mean).abs();
-            misfit.levels = misfit.levels.max(off.max_element());
+        let vertices = surface.vertices_of_face[face as usize];
+        let has_image = |&v: &u32| looks.get(v as usize).is_some_and(|look| look.has_image);
+        if vertices.iter().any(has_image) {
+            misfit.levels = f64::INFINITY;
+        }
+        let at = surface.corners(face);
+        let seen = [0, 1, 2].map(|k| look_at(face, k));
+        for &place in own_part(turned_to(surface, face, point)).corners() {
+            let weights = weights_at(at, place);
+            let mut normal = DVec3::ZERO;
+            let mut color = DVec3::ZERO;
+            for ((own, [r, g, b, _]), weight) in seen.iter().zip(weights) {
+                normal += weight * *own;
+                color += weight * DVec3::new((*r).into(), (*g).into(), (*b).into());
+            }
+            let uv = in_plane(place - center).as_vec2();
+            let shown = (splat.normal_at(uv.to_array()).as_dvec3()).normalize_or_zero();
+            misfit.turn = misfit.turn.max(shown.distance(normal.normalize_or_zero()));
+            misfit.levels = misfit.levels.max((color - mean).abs().max_element());
         }
     }
     misfit
+}
+
+/// Weights of the corners of a face at a place in it.
+fn weights_at([a, b, c]: [DVec3; 3], place: DVec3) -> [f64; 3] {
+    let whole = (b - a).cross(c - a);
+    let double = whole.length_squared();
+    [(b, c), (c, a), (a, b)].map(|(from, to)| (from - place).cross(to - place).dot(whole) / double)
 }
 
 /// Gives a splat within a face the color and normal that the face has at its center.
@@ -147,10 +167,7 @@ pub fn take_look_of_face(
     let vertices = surface.vertices_of_face[face as usize];
     let own = surface.normals[face as usize];
     let looks = vertices.map(|v| looks.get(v as usize).copied().unwrap_or_default());
-    let at = splat.center.as_dvec3();
-    let double = (b - a).cross(c - a).dot(own);
-    let weights =
-        [(b, c), (c, a), (a, b)].map(|(from, to)| (from - at).cross(to - at).dot(own) / double);
+    let weights = weights_at([a, b, c], splat.center.as_dvec3());
     let mut normal = DVec3::ZERO;
     let mut color = DVec3::ZERO;
     for (look, weight) in looks.iter().zip(weights) {
@@ -166,6 +183,19 @@ pub fn take_look_of_face(
     let [red, green, blue] = color.round().as_u8vec3().to_array();
     splat.color = [red, green, blue, 255];
     splat.shading_normal = normal.normalize_or(own).as_vec3();
+    // Normals change evenly over a face; what of that is symmetric and in its plane a shape operator has.
+    let length = normal.length();
+    if length > 0.0 && looks.iter().all(|look| look.normal != DVec3::ZERO) {
+        let axes = [splat.axis, splat.second_axis()].map(|axis| axis.as_dvec3());
+        let change = axes.map(|axis| {
+            let moved = weights_at([a, b, c], splat.center.as_dvec3() + axis);
+            let of = |k: usize| (moved[k] - weights[k]) * looks[k].normal;
+            (of(0) + of(1) + of(2)) / length
+        });
+        let [along, across] = change.map(|change| axes.map(|axis| axis.dot(change)));
+        let bend = [along[0], (along[1] + across[0]) / 2.0, across[1]];
+        splat.shape_operator = bend.map(|x| x as f32);
+    }
 }
 
 #[cfg(test)]
@@ -190,6 +220,7 @@ mod tests {
                 VertexLook {
                     normal: DVec3::new(a * x, b * y, 1.0).normalize(),
                     color: [10 * p.x as u8, 20, 30, 0],
+                    has_image: false,
                 }
             })
             .collect();

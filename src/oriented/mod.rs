@@ -16,6 +16,7 @@ pub mod clip;
 pub mod cones;
 #[cfg(test)]
 pub(crate) mod for_tests;
+pub mod levels;
 pub mod look;
 pub mod nearest;
 pub mod quality;

@@ -16,7 +16,7 @@ use crate::oriented::clip::walk;
 use crate::oriented::look::{VertexLook, take_look_of_face};
 use crate::oriented::surface::{NO_FACE, WeldedSurface};
 use crate::pack::polygons::{MOST_CUTS, PlaneFrame};
-use glam::{DVec2, DVec3, IVec3};
+use glam::{DVec2, DVec3, IVec3, Vec3};
 use std::collections::HashMap;
 
 /// Where samples lie.
@@ -41,6 +41,92 @@ pub struct SampleRules {
     pub crease: f64,
 }
 
+/// Where samples lie and how densely, for a model that is not known yet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SampleChoice {
+    /// Where samples lie.
+    pub pattern: SamplePattern,
+    /// Distance of neighbors, model units; `None` for [`SampleBounds::usual_spacing`].
+    pub spacing: Option<f64>,
+}
+
+/// What bounds the number of samples of a mesh.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct SampleBounds {
+    area: f64,
+    /// Sums of the longest sides of triangles, and of their squares.
+    sides: f64,
+    squares: f64,
+    faces: usize,
+    usual: f64,
+}
+
+impl SampleBounds {
+    /// Those of a mesh. Triangles without area, and with corners that are not there, count too.
+    pub fn of(position: impl Fn(u32) -> Option<Vec3>, triangles: &[[u32; 3]]) -> Self {
+        let mut bounds = Self::default();
+        let mut sides = Vec::with_capacity(triangles.len());
+        for corners in triangles {
+            let [Some(a), Some(b), Some(c)] = corners.map(&position) else {
+                continue;
+            };
+            let [a, b, c] = [a, b, c].map(|x| x.as_dvec3());
+            let side = longest_side([a, b, c]);
+            if !side.is_finite() {
+                continue;
+            }
+            bounds.area += (b - a).cross(c - a).length() / 2.0;
+            bounds.sides += side;
+            bounds.squares += side * side;
+            bounds.faces += 1;
+            sides.push(side);
+        }
+        let middle = sides.len() / 2;
+        if let Some(median) = sides.get(middle).copied() {
+            sides.select_nth_unstable_by(middle, f64::total_cmp);
+            bounds.usual = sides.get(middle).copied().unwrap_or(median);
+        }
+        bounds
+    }
+
+    /// The median of the longest sides of triangles: where a few faces are far larger than most, those get samples as dense
+    /// as the others have vertices.
+    pub fn usual_spacing(&self) -> f64 {
+        self.usual
+    }
+
+    /// How a mesh with these bounds is sampled.
+    ///
+    /// # Errors
+    /// A spacing that is not above 0, or so small that there may be more than [`MOST_SAMPLES`].
+    pub fn rules(&self, choice: &SampleChoice, crease: f64) -> Result<SampleRules, SampleError> {
+        let spacing = match choice.spacing {
+            Some(spacing) => spacing,
+            // Nothing has no sides.
+            None if self.usual > 0.0 => self.usual,
+            None => 1.0,
+        };
+        if spacing.is_nan() || spacing <= 0.0 {
+            return Err(SampleError::Spacing(spacing));
+        }
+        let faces = self.faces as f64;
+        let count = match choice.pattern {
+            SamplePattern::Lattice => (self.squares / spacing + 2.0 * self.sides) / spacing + faces,
+            SamplePattern::Poisson | SamplePattern::Rays => {
+                1.5 * self.area / (spacing * spacing) + 4.0 * faces
+            }
+        };
+        if count > f64::from(MOST_SAMPLES) {
+            return Err(SampleError::TooMany { spacing, count });
+        }
+        Ok(SampleRules {
+            pattern: choice.pattern,
+            spacing,
+            crease,
+        })
+    }
+}
+
 /// Why a surface cannot be sampled.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SampleError {
@@ -49,7 +135,7 @@ pub enum SampleError {
     Spacing(f64),
     /// There would be too many samples.
     #[error(
-        "a spacing of {spacing} makes about {count:.0} samples; at most {MOST_SAMPLES} fit. Take a larger spacing"
+        "a spacing of {spacing} makes up to {count:.0} samples; at most {MOST_SAMPLES} fit. Take a larger spacing"
     )]
     TooMany {
         /// The spacing.
@@ -60,7 +146,7 @@ pub enum SampleError {
 }
 
 /// Most samples of a surface.
-pub const MOST_SAMPLES: u32 = 1 << 25;
+pub const MOST_SAMPLES: u32 = 1 << 23;
 
 /// By how much a radius is larger than it has to be.
 const RADIUS_MARGIN: f64 = 0.02;

@@ -5,6 +5,7 @@ use crate::oriented::angle_test::{self, FaceWeight};
 use crate::oriented::clip::{ClipRule, ClipScratch, SplatDrafts, splats_of_point};
 use crate::oriented::look::{VertexLook, take_look};
 use crate::oriented::radius::{RadiusRule, of_point};
+use crate::oriented::resample::SampleChoice;
 use crate::oriented::surface::WeldedSurface;
 use crate::pack::polygons::PlaneFrame;
 use rayon::prelude::*;
@@ -20,6 +21,39 @@ pub struct SplatRules {
     pub angle_test: Option<f64>,
     /// Splats are cut at edges, faces within this angle of their mean share one, radians; `None` for whole discs.
     pub clip: Option<f64>,
+    /// The splats of [`SplatRules::clip`] stay whole: for measuring what their cuts cost.
+    pub is_uncut: bool,
+    /// Splats lie evenly on the surface instead of at its vertices.
+    pub samples: Option<SampleChoice>,
+    /// What is small on the picture is one disc for many points, and what leaves are; `None` draws all.
+    pub levels: Option<LevelLeaf>,
+}
+
+impl SplatRules {
+    /// Angle of clusters where nothing else is asked for, degrees.
+    pub const USUAL_DEGREES: f64 = 5.0;
+
+    /// Splats of vertices that cover, cut at edges.
+    pub fn usual() -> Self {
+        Self {
+            clip: Some(Self::USUAL_DEGREES.to_radians()),
+            ..Self::default()
+        }
+    }
+
+    /// Faces that differ by more than this have an edge between them at which even splats are cut, radians.
+    pub fn crease(&self) -> f64 {
+        self.clip.unwrap_or(std::f64::consts::PI)
+    }
+}
+
+/// What a leaf of a tree over points is drawn as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LevelLeaf {
+    /// Its splats.
+    Splats,
+    /// The triangles around it.
+    Triangles,
 }
 
 /// Splats and triangles that stand for a surface.
@@ -109,6 +143,10 @@ fn of_one(
     scratch: &mut ClipScratch,
     drafts: &mut SplatDrafts,
 ) {
+    if rules.levels == Some(LevelLeaf::Triangles) {
+        drafts.triangles.extend_from_slice(surface.incident(point));
+        return;
+    }
     let normal = angle_test::normal_of(surface, point, rules.weight);
     if let Some(threshold) = rules.angle_test
         && angle_test::least_cosine(surface, point, normal) < threshold.cos()
@@ -121,7 +159,13 @@ fn of_one(
             spread,
             radius: rules.radius,
         };
+        let first = drafts.splats.len();
         splats_of_point(surface, point, looks, &rule, scratch, drafts);
+        if rules.is_uncut {
+            drafts.splats[first..]
+                .iter_mut()
+                .for_each(OrientedPolygon::make_whole);
+        }
         return;
     }
     let faces = surface.incident(point);

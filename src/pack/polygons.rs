@@ -175,6 +175,15 @@ impl OrientedPolygon {
         })
     }
 
+    /// Takes back all that was cut off a disc.
+    pub fn make_whole(&mut self) {
+        let corners = around_circle(self.round_radius.into(), Self::MOST_CORNERS);
+        for (to, from) in self.corners.iter_mut().zip(corners) {
+            *to = from.as_vec2().to_array();
+        }
+        self.corner_count = Self::MOST_CORNERS as u32;
+    }
+
     /// Direction of v.
     pub fn second_axis(&self) -> Vec3 {
         self.normal.cross(self.axis)
@@ -188,6 +197,14 @@ impl OrientedPolygon {
     /// The point of the plane with these coordinates, model space.
     pub fn point(&self, [u, v]: [f32; 2]) -> Vec3 {
         self.center + u * self.axis + v * self.second_axis()
+    }
+
+    /// A place within it for all of it: between the center and the mean of its corners.
+    pub fn middle(&self) -> [f32; 2] {
+        let sum: glam::Vec2 = self.corners.iter().map(|&c| glam::Vec2::from(c)).sum();
+        let mean = sum / Self::MOST_CORNERS as f32;
+        let most = self.round_radius / mean.length().max(1e-30);
+        (mean * most.min(1.0)).to_array()
     }
 
     /// The normal for light at these coordinates, model space; as long as it is stored, not a unit vector.

@@ -103,6 +103,11 @@ impl CutKey {
         self.polygons
     }
 
+    /// Largest projected diameter of a node that is one splat, pixels.
+    pub(crate) fn threshold_px(&self) -> f32 {
+        self.settings.threshold_px
+    }
+
     /// The view that decides it.
     pub(crate) fn view(&self) -> &View {
         &self.view

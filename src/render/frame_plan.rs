@@ -19,7 +19,9 @@ use crate::render::cut_key::{CutKey, knows_footprints};
 use crate::render::frame_constants::{FrameContext, frame_constants};
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, fuzzy_look, splat_plan};
-use crate::render::supported::{check, check_patches_of, device_cut_refusal, ids_refusal};
+use crate::render::supported::{
+    check, check_patches_of, check_samples_of, device_cut_refusal, ids_refusal,
+};
 use crate::render::technique::Technique;
 use crate::render::{
     AmbientOcclusion, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PictureOutputs,
@@ -239,6 +241,7 @@ impl FramePlan {
         } = *input;
         check(settings, outputs, capabilities.max_point_px)?;
         check_patches_of(settings, parts)?;
+        check_samples_of(settings, parts)?;
         let facts = parts.facts();
         let mut settings = resolve_of_parts(settings, parts, view);
         let technique = Technique::of(&settings);
@@ -279,7 +282,7 @@ impl FramePlan {
             Method::Points if vertex_px > max_point_px => 0.0,
             Method::Points => vertex_px,
             // Of a size that only they know.
-            Method::Splats if technique == Technique::Polygons => {
+            Method::Splats if settings.drawn_vertex_splats().is_some() => {
                 view.width.max(view.height) as f32
             }
             Method::Pop | Method::Splats => {
@@ -326,7 +329,8 @@ impl FramePlan {
             cut: CutKey::of(&settings, &facts, view),
             cut_place,
             primitives: PlannedPrimitives {
-                has_triangles: settings.method == Method::Pop || technique == Technique::Polygons,
+                has_triangles: settings.method == Method::Pop
+                    || settings.drawn_polygons().is_some(),
                 has_large_splats: has_own_sizes,
                 may_sample: capabilities.is_software
                     && !outputs.normal

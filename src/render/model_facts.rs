@@ -1,6 +1,7 @@
 //! Facts of what is drawn, found once: of each model, and of several that are drawn together.
 
 use crate::cut::{Cut, ZeroAreaSet};
+use crate::oriented::resample::SampleBounds;
 use crate::patches::ResidentPatches;
 use crate::progress::{Progress, Silent};
 use crate::tree;
@@ -20,6 +21,7 @@ pub struct ModelFacts {
     drawn: DrawnFacts,
     undrawn: OnceLock<ZeroAreaSet>,
     patches: OnceLock<ResidentPatches>,
+    samples: OnceLock<SampleBounds>,
 }
 
 /// A model to be drawn, with the facts that were found of it.
@@ -111,6 +113,7 @@ impl ModelFacts {
             drawn: model.into(),
             undrawn: OnceLock::new(),
             patches: OnceLock::new(),
+            samples: OnceLock::new(),
         }
     }
 
@@ -122,6 +125,7 @@ impl ModelFacts {
             drawn,
             undrawn: OnceLock::new(),
             patches: OnceLock::new(),
+            samples: OnceLock::new(),
         }
     }
 
@@ -145,6 +149,13 @@ impl ModelFacts {
         // Nobody cancels.
         let made = || ResidentPatches::build(model, &Silent).unwrap_or_default();
         self.patches.get_or_init(made)
+    }
+
+    /// What bounds the number of even samples; found at the first call.
+    pub(crate) fn sample_bounds(&self, model: &Model) -> &SampleBounds {
+        let position = |v: u32| model.vertices.get(v as usize).map(|v| v.position);
+        let found = || SampleBounds::of(position, &model.triangles);
+        self.samples.get_or_init(found)
     }
 
     /// Whether they are there.

@@ -40,9 +40,12 @@ impl PartCuts {
         }
         self.polygons = parts.iter().next().and_then(|part| key_of(part).polygons());
         if let Some(PolygonSource::Vertices(rules)) = &self.polygons {
-            self.vertex_splats.update(parts, rules);
-            let beside = self.vertex_splats.triangle_ids();
-            for (cut, ids) in self.cuts.iter_mut().zip(beside) {
+            if let Some(part) = parts.iter().next() {
+                let key = key_of(part);
+                let seen = (key.view(), key.threshold_px());
+                self.vertex_splats.update(parts, rules, seen);
+            }
+            for (cut, (_, ids)) in self.cuts.iter_mut().zip(self.vertex_splats.parts()) {
                 cut.clear();
                 cut.triangles.extend_from_slice(ids);
             }
@@ -106,7 +109,7 @@ impl PartCuts {
     /// Number of oriented polygons.
     pub(crate) fn polygon_count(&self) -> usize {
         match &self.polygons {
-            Some(PolygonSource::Vertices(_)) => self.vertex_splats.splats().len(),
+            Some(PolygonSource::Vertices(_)) => self.vertex_splats.count(),
             Some(PolygonSource::Patches(_)) => {
                 self.patches.iter().map(|cut| cut.patches.len()).sum()
             }
@@ -140,8 +143,11 @@ impl PartCuts {
     ) {
         match &self.polygons {
             Some(PolygonSource::Vertices(_)) => {
-                let splats = self.vertex_splats.splats();
-                out[..splats.len()].copy_from_slice(splats);
+                for (splats, _) in self.vertex_splats.parts() {
+                    let (own, rest) = out.split_at_mut(splats.len());
+                    own.copy_from_slice(splats);
+                    out = rest;
+                }
             }
             Some(PolygonSource::Patches(_)) => {
                 for (part, cut) in parts.iter().zip(&self.patches) {

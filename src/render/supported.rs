@@ -118,10 +118,12 @@ fn check_overdraw(settings: &Settings, outputs: PictureOutputs) -> Result<(), Er
 
 /// Refuses by name what splats from vertices cannot do.
 fn check_vertex_splats(settings: &Settings) -> Result<(), Error> {
-    let why = if settings.splat != SplatKind::Square || settings.blend() != Blend::Opaque {
-        "they are opaque polygons of their own shape; leave --splat and --blend out"
-    } else if settings.shading != Shading::PerSplat {
-        "only splats that are blended are lit once a pixel of blended normals; leave --splat-shading out"
+    let why = if settings.splat == SplatKind::Filtered {
+        "they are polygons, and filtered splats are squares; use --splat gauss to blend them"
+    } else if matches!(settings.blend(), Blend::DepthThreshold | Blend::DepthRange) {
+        "they are blended in two passes; use --blend two-pass"
+    } else if settings.shading != Shading::PerSplat && Technique::of(settings) != Technique::Fuzzy {
+        "only splats that are blended are lit once a pixel of blended normals; use --splat gauss"
     } else if settings.color_by == ColorBy::Overdraw {
         "their overdraw is not counted; use another --color-by"
     } else {
@@ -131,6 +133,26 @@ fn check_vertex_splats(settings: &Settings) -> Result<(), Error> {
         what: "splats from vertices",
         why: why.into(),
     })
+}
+
+/// Refuses by name even samples of models that would be too many.
+pub(crate) fn check_samples_of(settings: &Settings, parts: DrawnParts<'_>) -> Result<(), Error> {
+    let Some((rules, choice)) = settings
+        .drawn_vertex_splats()
+        .and_then(|rules| Some((rules, rules.samples?)))
+    else {
+        return Ok(());
+    };
+    for part in parts.iter() {
+        let bounds = part.facts.sample_bounds(part.model);
+        if let Err(error) = bounds.rules(&choice, rules.crease()) {
+            return Err(Error::Unsupported {
+                what: "even splats (--resample)",
+                why: error.to_string(),
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Refuses by name what patches of a cut by error cannot do.

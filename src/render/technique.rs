@@ -24,10 +24,10 @@ impl Technique {
     pub(crate) fn of(settings: &Settings) -> Self {
         match settings.splat {
             _ if !settings.draws_splats() => Self::Nothing,
-            _ if settings.drawn_polygons().is_some() => Self::Polygons,
-            SplatKind::Filtered => Self::Filtered,
             SplatKind::Visibility => Self::Visibility,
             _ if settings.blend() != Blend::Opaque => Self::Fuzzy,
+            _ if settings.drawn_polygons().is_some() => Self::Polygons,
+            SplatKind::Filtered => Self::Filtered,
             _ => Self::Opaque,
         }
     }

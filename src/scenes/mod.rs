@@ -123,6 +123,12 @@ pub static ALL: &[SceneEntry] = &[
         make: outline::pedestal,
     },
     SceneEntry {
+        name: "statue-on-plinth",
+        shows: "a detailed statue on a plinth of eight corners",
+        fails: "splats of the plinth's corners are as large as it and swell its outline; --clip and --resample do not",
+        make: outline::statue_on_plinth,
+    },
+    SceneEntry {
         name: "open-behind",
         shows: "an open sheet from behind",
         fails: "with --culling on it disappears; with --one-sided it is black",

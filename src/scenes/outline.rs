@@ -151,6 +151,40 @@ pub(super) fn pedestal() -> BuiltScene {
     }
 }
 
+/// A statue of 18,252 triangles on a plinth of 12: where the few points of the plinth are as large as the statue.
+pub(super) fn statue_on_plinth() -> BuiltScene {
+    let statue = generated(Generated::Statue, 39, 39);
+    let mut shape = SceneShape::default();
+    shape.block(
+        DVec3::new(-0.7, -1.9, -0.7),
+        DVec3::new(0.7, -1.3, 0.7),
+        [1; 3],
+        [WHITE; 4],
+    );
+    let first = shape.mesh.positions.len() as u32;
+    shape.mesh.colors.resize(
+        shape.mesh.positions.len() + statue.positions.len(),
+        [255; 4],
+    );
+    shape.mesh.positions.extend(statue.positions);
+    shape.mesh.normals.extend(statue.normals);
+    let moved = |corners: [u32; 3]| corners.map(|corner| first + corner);
+    shape
+        .mesh
+        .triangles
+        .extend(statue.triangles.into_iter().map(moved));
+    BuiltScene {
+        mesh: shape.mesh,
+        camera: camera(
+            DVec3::new(2.6, 0.9, 5.4),
+            DVec3::new(0.0, -0.2, 0.0),
+            (2.0, 10.0),
+        ),
+        threshold_px: 3.0,
+        expected: ExpectedFigures::default(),
+    }
+}
+
 /// A square sheet of 120 pixels that faces away from the camera.
 pub(super) fn open_behind() -> BuiltScene {
     let side = 120.0 * PX;

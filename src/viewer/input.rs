@@ -54,6 +54,7 @@ pub const KEYS: &[KeyGroup] = &[
                 "A S D X",
                 "all triangles; vertices as points; triangles and splats by size (POP); splats only",
             ),
+            ("Shift D", "splats at vertices, cut at sharp edges; or not"),
             (
                 "1 to 9",
                 "threshold, and size of points and splats, in pixels",
@@ -215,6 +216,8 @@ pub enum Command {
     Background,
     /// The next size metric.
     SizeMetric,
+    /// Switch splats from vertices.
+    VertexSplats,
     /// Switch culling of what faces away.
     Culling,
     /// The next kind of eye-dome lighting.
@@ -380,6 +383,7 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
             'a' => Command::Method(Method::Triangles),
             's' if modifiers.shift => Command::Normals,
             's' => Command::Method(Method::Points),
+            'd' if modifiers.shift => Command::VertexSplats,
             'd' => Command::Method(Method::Pop),
             'x' if modifiers.shift => Command::Axes,
             'z' if modifiers.shift => Command::ScaleBar,

@@ -329,7 +329,7 @@ fn drawing(
                 .on_hover_text(*tip);
         }
     });
-    let has_splats = settings.has_cut();
+    let has_splats = settings.has_cut() || settings.drawn_vertex_splats().is_some();
     let blends = matches!(
         settings.splat,
         SplatKind::Square | SplatKind::Disc | SplatKind::Ellipse | SplatKind::Gauss
@@ -432,6 +432,7 @@ fn drawing(
         );
     });
     patches::show(ui, settings);
+    vertices::show(ui, settings);
     let mut holds_cut = settings.cut_view.is_some();
     ui.add_enabled_ui(settings.has_cut(), |ui| {
         let tip = "Keep drawing what this view asks for, to look at it from elsewhere (Y)";
@@ -564,6 +565,7 @@ mod look;
 pub mod measures;
 mod patches;
 mod photographs;
+mod vertices;
 
 pub use measures::MeasureState;
 pub use photographs::{PhotographRow, PhotographState, PhotographWish};

@@ -2,6 +2,7 @@
 
 use super::choices::{self, name_of, named};
 use super::lamp;
+use crate::oriented::splats::SplatRules;
 use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Lighting, Phong};
 use crate::render::Settings;
@@ -56,6 +57,9 @@ pub struct StoredLook {
     method: String,
     threshold: f32,
     splat: String,
+    /// Splats are made from vertices, by the usual rules.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    from_vertices: bool,
     blend: String,
     shading: String,
     reconstruct: String,
@@ -143,6 +147,7 @@ impl StoredLook {
             method: name_of(choices::METHODS, settings.method).into(),
             threshold: settings.threshold_px,
             splat: name_of(choices::SPLATS, settings.splat).into(),
+            from_vertices: settings.vertex_splats.is_some(),
             blend: name_of(choices::BLENDS, settings.blend).into(),
             shading: name_of(choices::SHADINGS, settings.shading).into(),
             reconstruct: name_of(choices::RECONSTRUCTIONS, settings.reconstruction).into(),
@@ -193,6 +198,7 @@ impl StoredLook {
             method: choice("method", choices::METHODS, &self.method)?,
             threshold_px: self.threshold,
             splat: choice("splat", choices::SPLATS, &self.splat)?,
+            vertex_splats: self.from_vertices.then(SplatRules::usual),
             blend: choice("blend", choices::BLENDS, &self.blend)?,
             shading: choice("shading", choices::SHADINGS, &self.shading)?,
             reconstruction: choice("reconstruct", choices::RECONSTRUCTIONS, &self.reconstruct)?,

@@ -3,8 +3,9 @@
 //! No machine, no camera and no frame rate are printed, only counts and shares. His split of the Porsche by the angle test
 //! is met to 3 percent of the triangles; how he found the normals of points is not said, and decides the splats.
 
-use super::{PublishedCell, PublishedSubject, Table, count, dietz_splats, measure};
+use super::{PublishedCell, PublishedSubject, Table, count, dietz_edges, dietz_splats, measure};
 use crate::chart::Error;
+use crate::chart::plot::angles::AngleLine;
 use crate::chart::run::orbit;
 use crate::progress::Progress;
 use crate::render::engine::Backend;
@@ -20,7 +21,7 @@ const LEVELS: [(u64, &str); 4] = [
     (58_052, "2.15"),
 ];
 
-/// His tables beside a model of ours, in a window of 500 x 500 pixels.
+/// His tables beside a model of ours, in a window of 500 x 500 pixels, and the lines of a chart of angles.
 ///
 /// # Errors
 /// When a frame cannot be drawn, or `progress` is cancelled.
@@ -29,7 +30,7 @@ pub fn tables(
     subject: &PublishedSubject<'_>,
     repeats: u32,
     progress: &dyn Progress,
-) -> Result<Vec<Table>, Error> {
+) -> Result<(Vec<Table>, Vec<AngleLine>), Error> {
     let model = subject.model;
     let view = orbit(model, (500, 500), 1.0, 0, 4)?;
     let (points, triangles) = (
@@ -75,10 +76,14 @@ pub fn tables(
         tables.push(dietz_splats::angle_test_table(model));
     }
     let mut angle_test = None;
+    let mut lines = Vec::new();
     if !model.triangles.is_empty() {
         let (table, slower) = dietz_splats::pictures(backend, subject, view, repeats, progress)?;
         tables.push(table);
         angle_test = Some(slower);
+        let edges = dietz_edges::tables(backend, subject, repeats, progress)?;
+        tables.extend(edges.0);
+        lines = edges.1;
     }
 
     let mut levels = Table::new(
@@ -141,5 +146,5 @@ pub fn tables(
         "threshold 20 degrees; both modes draw the same region".into(),
     ]);
     tables.push(speed);
-    Ok(tables)
+    Ok((tables, lines))
 }

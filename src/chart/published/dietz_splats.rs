@@ -112,12 +112,6 @@ pub(super) fn pictures(
     repeats: u32,
     progress: &dyn Progress,
 ) -> Result<(Table, f64), Error> {
-    // A device does not draw splats from vertices; the processor draws all of them, so that times compare.
-    let processor = Backend::Cpu;
-    let backend = match backend.device() {
-        Some(_) => &processor,
-        None => backend,
-    };
     let (names, cells): (Vec<_>, Vec<_>) = looks(view).into_iter().unzip();
     let measured = measure(backend, subject.model, &cells, repeats, progress)?;
     let size = (view.width, view.height);

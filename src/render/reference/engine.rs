@@ -238,15 +238,26 @@ impl MirrorEngine {
                     reconstruction: settings.reconstruction,
                     largest_px: largest_splat_px(facts, settings),
                 };
-                let drawn = crate::render::reference::render_visibility(
-                    view, &opaque, style, filling, outputs,
+                let drawn = crate::render::reference::render_visibility_polygons(
+                    view,
+                    &opaque,
+                    &lists.polygons,
+                    style,
+                    filling,
+                    outputs,
                 );
                 (drawn.image, OverdrawList::Opaque(&opaque))
             }
             Technique::Fuzzy => {
                 let passes = BlendPasses::of(settings.blend());
-                let drawn =
-                    crate::render::reference::render_fuzzy(view, &fuzzy, style, passes, outputs);
+                let drawn = crate::render::reference::render_fuzzy_polygons(
+                    view,
+                    &fuzzy,
+                    &lists.polygons,
+                    style,
+                    passes,
+                    outputs,
+                );
                 (drawn.image, OverdrawList::Fuzzy(&fuzzy))
             }
             Technique::Filtered => {

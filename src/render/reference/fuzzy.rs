@@ -9,6 +9,7 @@ mod set_up;
 
 pub(super) use crate::render::reference::fuzzy::set_up::{set_up_blended, weighted};
 
+use crate::abi::OrientedPolygon;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::{FuzzyList, Style};
@@ -16,6 +17,7 @@ use crate::render::PictureOutputs;
 use crate::render::reference::bands::{PixelRows, plane};
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::fuzzy::set_up::{FuzzyFragment, place_pushed, set_up_pushed, share};
+use crate::render::reference::polygons::{FramedPolygon, PushedPolygon};
 use crate::render::reference::splat::RasterSplat;
 use crate::render::reference::triangle;
 use glam::{Vec3, Vec4};
@@ -73,6 +75,22 @@ pub fn render_fuzzy(
     passes: BlendPasses,
     outputs: PictureOutputs,
 ) -> FuzzyRendering {
+    render_fuzzy_polygons(view, list, &[], style, passes, outputs)
+}
+
+/// Draws a list as [`render_fuzzy`] does, and splats from vertices between its triangles and its splats.
+///
+/// In the first pass such a splat is pushed away by m r (2 s + 0.01) / max(|n . v|, 0.1), where s is the sine of the greatest
+/// angle of its faces with its plane: two splats of one surface are no farther apart. In the second it has w = 1, with
+/// [`Style::is_gauss`] w = exp(-2 rho²) for the distance rho from its center over its radius.
+pub fn render_fuzzy_polygons(
+    view: &View,
+    list: &FuzzyList,
+    polygons: &[OrientedPolygon],
+    style: &Style,
+    passes: BlendPasses,
+    outputs: PictureOutputs,
+) -> FuzzyRendering {
     let frame = ReferenceFrame::new(view, style);
     let mut target = PixelRows::cleared(view, FuzzyPixel::default());
 
@@ -89,6 +107,10 @@ pub fn render_fuzzy(
         let keep = |pixel: &mut FuzzyPixel, splat: &RasterSplat<f32>, _| {
             pixel.keep_nearest(splat.fragment);
         };
+        let place = |polygon: &_| framed(&frame, polygon);
+        target.draw(polygons, place, |pixel, _: &FramedPolygon<'_>, sample| {
+            pixel.keep_nearest(sample.depths[1].min(1.0));
+        });
         target.draw(list.splats, |s| set_up_pushed(&frame, s), keep);
         target.draw(list.points, |p| set_up_pushed(&frame, &weighted(p)), keep);
     }
@@ -105,6 +127,19 @@ pub fn render_fuzzy(
             let depth = FragmentDepth::flat(sample.depth);
             let add = || share(&frame, &triangle.surface(sample));
             pixel.blend(passes, &depth, 1.0, add);
+        },
+    );
+    target.draw(
+        polygons,
+        |polygon| framed(&frame, polygon),
+        |pixel, polygon: &FramedPolygon<'_>, sample| {
+            let [own, pushed] = sample.depths.map(|depth| depth.clamp(0.0, 1.0));
+            let depth = FragmentDepth {
+                pushed,
+                ..FragmentDepth::flat(own)
+            };
+            let add = || share(&frame, &polygon.pushed.surface(sample));
+            pixel.blend(passes, &depth, sample.weight, add);
         },
     );
     let add = |pixel: &mut FuzzyPixel, splat: &RasterSplat<FuzzyFragment>, rho_squared| {
@@ -124,6 +159,15 @@ pub fn render_fuzzy(
         sums: plane(true, &pixels, |pixel| pixel.sum.to_array()),
         normals: plane(has_normals, &pixels, |pixel| pixel.normal.to_array()),
     }
+}
+
+/// A splat from a vertex with its frame; `None` where it covers no pixel or is left out.
+fn framed<'a>(
+    frame: &'a ReferenceFrame<'a>,
+    polygon: &OrientedPolygon,
+) -> Option<FramedPolygon<'a>> {
+    let pushed = PushedPolygon::new(frame, polygon)?;
+    Some(FramedPolygon { pushed, frame })
 }
 
 /// What a fragment adds per unit of weight: a color, and a normal in view space.

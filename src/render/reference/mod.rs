@@ -41,10 +41,13 @@ mod triangle;
 mod visibility;
 
 pub use crate::render::reference::filtered::{FilteredRendering, render_filtered};
-pub use crate::render::reference::fuzzy::{BlendPasses, FuzzyRendering, render_fuzzy};
+pub use crate::render::reference::fuzzy::{
+    BlendPasses, FuzzyRendering, render_fuzzy, render_fuzzy_polygons,
+};
 pub use crate::render::reference::opaque::{render, render_with_polygons};
 pub use crate::render::reference::overdraw::{OverdrawList, count_overdraw, show_overdraw};
 pub use crate::render::reference::polygons::PolygonList;
 pub use crate::render::reference::visibility::{
     HoleFilling, PixelClass, VisibilityPixel, VisibilityRendering, render_visibility,
+    render_visibility_polygons,
 };

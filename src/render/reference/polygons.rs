@@ -4,9 +4,9 @@ use crate::abi::OrientedPolygon;
 use crate::math::camera::View;
 use crate::pack::polygons::{PolygonSample, ScreenPolygon};
 use crate::render::reference::bands::{OpaquePixel, PixelCoverage, PixelRows};
-use crate::render::reference::frame::ReferenceFrame;
+use crate::render::reference::frame::{PlacedVertex, ReferenceFrame};
 use crate::render::reference::shade::{SurfaceKind, SurfacePoint, color_of};
-use glam::{DVec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use std::ops::Range;
 
 /// Oriented polygons of a frame.
@@ -96,6 +96,130 @@ fn set_up(frame: &ReferenceFrame<'_>, polygon: &OrientedPolygon) -> Option<Raste
         columns,
         rows,
     })
+}
+
+/// Radii by which planes of a flat surface are kept apart.
+const LEAST_STEP: f64 = 0.01;
+
+/// A splat from a vertex where it is blended or hides centers: pushed away from the eye by scaling around it, so that it
+/// stays flat and covers the same pixels.
+pub(super) struct PushedPolygon {
+    raster: RasterPolygon,
+    /// Of distances; 1 without perspective.
+    factor: f64,
+    /// Added to distances.
+    shift: f64,
+    /// Depth offset of its radius, view-space units.
+    pub(super) offset: f64,
+    is_gauss: bool,
+}
+
+/// What a pixel sees of one.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PushedSample {
+    /// Reversed depth in its place, and pushed.
+    pub(super) depths: [f32; 2],
+    /// Part of a blend.
+    pub(super) weight: f32,
+    seen: PolygonSample,
+}
+
+impl PushedPolygon {
+    /// A polygon; `None` where it covers no pixel or is left out.
+    pub(super) fn new(frame: &ReferenceFrame<'_>, polygon: &OrientedPolygon) -> Option<Self> {
+        let raster = set_up(frame, polygon)?;
+        let view = frame.view;
+        let center = view
+            .view_from_model
+            .transform_point3(polygon.center)
+            .as_dvec3();
+        let scale = f64::from(view.model_scale);
+        let normal = view
+            .view_from_model
+            .transform_vector3(polygon.normal)
+            .as_dvec3()
+            / scale;
+        let facing = match frame.to_eye(center) {
+            DVec3::ZERO => 1.0,
+            to_eye => normal.dot(to_eye).abs().max(0.1),
+        };
+        let radius = f64::from(frame.style.depth_offset) * f64::from(polygon.round_radius) * scale;
+        let offset = radius / facing;
+        let by = offset * (2.0 * f64::from(polygon.spread) + LEAST_STEP);
+        let way = center.length();
+        let (factor, shift) = match (view.is_perspective, way > 0.0) {
+            (true, true) => (1.0 + by / way, 0.0),
+            (true, false) => (1.0, 0.0),
+            (false, _) => (1.0, by),
+        };
+        Some(Self {
+            raster,
+            factor,
+            shift,
+            offset,
+            is_gauss: frame.style.is_gauss,
+        })
+    }
+
+    /// What light makes of it at a pixel.
+    pub(super) fn surface(&self, sample: PushedSample) -> SurfacePoint {
+        surface(SurfaceKind::Splat, &self.raster.polygon, sample.seen)
+    }
+}
+
+/// Places of a polygon on the picture with the frame that they are of.
+pub(super) struct FramedPolygon<'a> {
+    pub(super) pushed: PushedPolygon,
+    pub(super) frame: &'a ReferenceFrame<'a>,
+}
+
+impl PixelCoverage for FramedPolygon<'_> {
+    type Sample = PushedSample;
+
+    fn rows(&self) -> Range<u32> {
+        self.pushed.raster.rows()
+    }
+
+    fn columns(&self, y: u32) -> Range<u32> {
+        self.pushed.raster.columns(y)
+    }
+
+    fn sample(&self, x: u32, y: u32) -> Option<PushedSample> {
+        let own = &self.pushed;
+        let seen = own.raster.sample(x, y)?;
+        let depth = |distance: f64| {
+            let placed = self.frame.project(Vec3::new(0.0, 0.0, -distance as f32))?;
+            Some(placed.clip.z / placed.clip.w)
+        };
+        let [u, v] = seen.uv;
+        let radius = own.raster.polygon.round_radius;
+        let kernel = match own.is_gauss {
+            true => (-2.0 * (u * u + v * v) / (radius * radius)).exp(),
+            false => 1.0,
+        };
+        Some(PushedSample {
+            depths: [
+                depth(seen.distance)?,
+                depth(seen.distance * own.factor + own.shift)?,
+            ],
+            weight: kernel,
+            seen,
+        })
+    }
+}
+
+/// What of a splat from a vertex is its middle for visibility splatting, and how far from the eye that is.
+pub(super) fn middle_of(
+    frame: &ReferenceFrame<'_>,
+    polygon: &OrientedPolygon,
+) -> Option<(PlacedVertex, SurfacePoint)> {
+    let uv = polygon.middle();
+    let placed = frame.place(polygon.point(uv))?;
+    let seen = PolygonSample {
+        distance: placed.distance.into(),
+        uv,
+    };
+    Some((placed, surface(SurfaceKind::Splat, polygon, seen)))
 }
 
 /// What of a polygon a pixel shows.

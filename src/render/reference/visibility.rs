@@ -5,7 +5,7 @@
 
 mod reconstruct;
 
-use crate::abi::{Splat, Vertex};
+use crate::abi::{OrientedPolygon, Splat, Vertex};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
 use crate::pack::{ColorBy, DrawList, Style};
@@ -14,6 +14,7 @@ use crate::render::Reconstruction;
 use crate::render::reference::bands::{PixelRows, plane};
 use crate::render::reference::disc::DiscFootprint;
 use crate::render::reference::frame::{PlacedVertex, ReferenceFrame};
+use crate::render::reference::polygons::{FramedPolygon, PushedPolygon, middle_of};
 use crate::render::reference::shade::{SurfacePoint, normal_of};
 use crate::render::reference::splat::{PlacedSplat, RasterSplat, SplatFootprint, splat_of_vertex};
 use crate::render::reference::square::SquareFootprint;
@@ -107,10 +108,24 @@ pub fn render_visibility(
     filling: HoleFilling,
     outputs: PictureOutputs,
 ) -> VisibilityRendering {
+    render_visibility_polygons(view, list, &[], style, filling, outputs)
+}
+
+/// Draws a list as [`render_visibility`] does, and splats from vertices between its triangles and its splats. Their footprints
+/// are lit in each pixel and pushed away by what two of one surface may lie apart; their centers are where all of the splat is
+/// around.
+pub fn render_visibility_polygons(
+    view: &View,
+    list: &DrawList,
+    polygons: &[OrientedPolygon],
+    style: &Style,
+    filling: HoleFilling,
+    outputs: PictureOutputs,
+) -> VisibilityRendering {
     let frame = ReferenceFrame::new(view, style);
     let mut target = PixelRows::cleared(view, TestedPixel::default());
     for pass in [VisibilityPass::Depth, VisibilityPass::Centers] {
-        draw_pass(&frame, list, pass, &mut target);
+        draw_pass(&frame, list, polygons, pass, &mut target);
     }
     let seen = target.into_pixels();
     let finest = PyramidLevel {
@@ -177,6 +192,7 @@ struct TestedPixel {
 fn draw_pass(
     frame: &ReferenceFrame,
     list: &DrawList,
+    polygons: &[OrientedPolygon],
     pass: VisibilityPass,
     target: &mut PixelRows<TestedPixel>,
 ) {
@@ -199,12 +215,48 @@ fn draw_pass(
     let put = |pixel: &mut TestedPixel, splat: &RasterSplat<TestedPixel>, _| {
         pixel.put(pass, splat.fragment.depth, || splat.fragment);
     };
+    match pass {
+        VisibilityPass::Depth => target.draw(
+            polygons,
+            |polygon| {
+                let pushed = PushedPolygon::new(frame, polygon)?;
+                Some(FramedPolygon { pushed, frame })
+            },
+            |pixel, polygon: &FramedPolygon<'_>, sample| {
+                let depth = sample.depths[1].min(1.0);
+                pixel.put(pass, depth, || {
+                    let (point, offset) = (polygon.pushed.surface(sample), polygon.pushed.offset);
+                    TestedPixel::new(frame, pass, depth, &point, offset as f32)
+                });
+            },
+        ),
+        VisibilityPass::Centers => target.draw(polygons, |p| center_of(frame, p), put),
+    }
     target.draw(list.splats, |s| set_up(frame, pass, s), put);
     target.draw(
         list.points,
         |p| set_up(frame, pass, &splat_of_vertex(p)),
         put,
     );
+}
+
+/// The center of a splat from a vertex; `None` when it covers no pixel.
+fn center_of(
+    frame: &ReferenceFrame,
+    polygon: &OrientedPolygon,
+) -> Option<RasterSplat<TestedPixel>> {
+    let offset = PushedPolygon::new(frame, polygon)?.offset as f32;
+    let (placed, point) = middle_of(frame, polygon)?;
+    let distance = placed.distance;
+    if !(distance >= frame.view.near && distance <= frame.view.far) {
+        return None;
+    }
+    let depth = before_far(placed.depth());
+    let pass = VisibilityPass::Centers;
+    Some(RasterSplat {
+        footprint: SplatFootprint::Square(SquareFootprint::around(frame, &placed, 1.0)?),
+        fragment: TestedPixel::new(frame, pass, depth, &point, offset),
+    })
 }
 
 impl TestedPixel {

@@ -179,6 +179,7 @@ impl OverdrawCounter {
             .pass("overdraw.count")
             .color(&self.counts, TargetLoad::Clear([0.0; 4]));
         let counting = RasterPipelines {
+            polygons: None,
             reads_textures: false,
             triangles: Some(&pipelines.triangles),
             points: pipelines.points.as_ref(),

@@ -64,6 +64,8 @@ pub(crate) enum RasterSplats<'a> {
         /// They may be too large for points.
         as_quads: bool,
     },
+    /// So many oriented polygons.
+    Polygons(&'a dyn AnyBuffer, u32),
     Nothing,
 }
 
@@ -132,6 +134,8 @@ pub(crate) struct RasterPipelines<'a> {
     pub(crate) points: Option<&'a ShaderPipeline>,
     /// Without, what may be quads is drawn as points too.
     pub(crate) quads: Option<&'a ShaderPipeline>,
+    /// Oriented polygons as fans; without, the one of points draws one of each.
+    pub(crate) polygons: Option<&'a ShaderPipeline>,
     /// The one of triangles reads the textures of pages, which all have some.
     pub(crate) reads_textures: bool,
 }
@@ -142,6 +146,7 @@ impl RasterList<'_> {
         let has_splats = match &self.splats {
             RasterSplats::Records(records) => !records.is_empty(),
             RasterSplats::Vertices { .. } => true,
+            RasterSplats::Polygons(_, count) => *count > 0,
             RasterSplats::Nothing => false,
         };
         self.triangles.is_empty() && !has_splats
@@ -186,6 +191,7 @@ impl RasterList<'_> {
         }
         match &self.splats {
             RasterSplats::Records(records) => pass.vertices(records.buffer),
+            RasterSplats::Polygons(polygons, _) => pass.vertices(*polygons),
             RasterSplats::Vertices { .. } | RasterSplats::Nothing => pass,
         }
     }
@@ -289,6 +295,19 @@ fn draw_splats(
                     RecordRange::new(0, page.vertex_count as usize),
                     are_quads,
                 );
+            }
+        }
+        RasterSplats::Polygons(polygons, count) => {
+            let fans = pipelines.polygons;
+            draw.bind(
+                fans.unwrap_or_else(|| needed(pipelines.points)),
+                &[constants],
+                &[],
+            );
+            draw.vertices(polygons, 0);
+            match fans {
+                Some(_) => draw.draw_fans(0, count),
+                None => draw.draw(0, count),
             }
         }
         RasterSplats::Nothing => {}

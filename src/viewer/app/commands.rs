@@ -3,6 +3,7 @@
 use super::draw::camera_of;
 use super::{CameraFlight, FLY_SPEED, FileAsk, ViewerApp};
 use crate::math::camera::Camera;
+use crate::oriented::splats::SplatRules;
 use crate::pack::Lighting;
 use crate::render::PictureOutputs;
 use crate::render::supported;
@@ -118,6 +119,17 @@ impl ViewerApp {
             Command::SizeMetric => self.step(choices::METRICS, old.size, false, |size| Settings {
                 size,
                 ..old
+            }),
+            Command::VertexSplats => self.wish(match old.drawn_vertex_splats() {
+                Some(_) => Settings {
+                    vertex_splats: None,
+                    ..old
+                },
+                None => Settings {
+                    method: Method::Splats,
+                    vertex_splats: Some(SplatRules::usual()),
+                    ..old
+                },
             }),
             Command::EyeDome => self.step(choices::EYE_DOMES, old.eye_dome, false, |eye_dome| {
                 Settings { eye_dome, ..old }

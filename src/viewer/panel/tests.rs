@@ -6,6 +6,7 @@ mod recent;
 use super::*;
 use crate::image::MarkChoice;
 use crate::math::camera::Light;
+use crate::oriented::splats::SplatRules;
 use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Phong};
 use crate::render::stats::{FrameCounts, OverdrawSummary};
@@ -162,6 +163,14 @@ fn all_settings() -> Vec<Settings> {
             });
         }
     }
+    all.push(Settings {
+        method: Method::Splats,
+        vertex_splats: Some(SplatRules {
+            angle_test: Some(0.2),
+            ..SplatRules::usual()
+        }),
+        ..Settings::default()
+    });
     for lamp in lamps() {
         all.push(Settings {
             light: Lighting::Phong(lamp),
@@ -215,7 +224,12 @@ fn listed_keys() -> Vec<&'static str> {
 }
 
 /// Beginnings of the tooltips of controls that no key has.
-const WITHOUT_KEYS: [&str; 3] = ["Draw a node as one polygon", "Error of", "Hold the shade"];
+const WITHOUT_KEYS: [&str; 4] = [
+    "Draw a node as one polygon",
+    "Error of",
+    "Hold the shade",
+    "Of vertices: ",
+];
 
 /// Whether a tooltip names, in parentheses, a key that is listed.
 fn names_a_key(tip: &str) -> bool {
@@ -292,6 +306,10 @@ fn every_control_has_a_tooltip_with_its_key() {
         "shading",
         "light both sides",
         "hold the cut",
+        "splats from vertices",
+        "angle test",
+        "levels, triangles",
+        "Poisson disc",
         "Picture",
         "none",
         "goes with the viewer",
@@ -343,6 +361,9 @@ fn what_a_click_does_a_key_does() {
                 }
                 PanelWish::Settings(new) if new.two_sided != settings.two_sided => {
                     commands.contains(&Command::TwoSided)
+                }
+                PanelWish::Settings(new) if new.vertex_splats != settings.vertex_splats => {
+                    commands.contains(&Command::VertexSplats)
                 }
                 PanelWish::Settings(new) if new.use_colors != settings.use_colors => {
                     commands.contains(&Command::Colors)

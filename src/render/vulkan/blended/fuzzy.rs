@@ -16,14 +16,14 @@ use crate::gpu::pipeline::{
 };
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
-use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::blended::compute;
 use crate::render::vulkan::blended::compute::{ComputeBlending, OwnConstants};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
 use crate::render::vulkan::targets::color_formats;
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::{Settings, Shading, SplatKind, SumFormat};
+use crate::render::vulkan::{POLYGON, VERTEX};
+use crate::render::{Method, Settings, Shading, SplatKind, SumFormat};
 use std::sync::Arc;
 
 /// [`WeightedSplat`] as pipelines see it.
@@ -55,6 +55,8 @@ pub(crate) struct FuzzyVariant {
     has_coverage: bool,
     /// From the vertices of the mesh instead of a draw list.
     pub(crate) from_vertices: bool,
+    /// They are oriented polygons.
+    are_polygons: bool,
     /// A lamp lights the surface instead of the headlight.
     has_lamp: bool,
     sums: ImageFormat,
@@ -100,7 +102,8 @@ impl FuzzyVariant {
             is_deferred: settings.shading == Shading::Deferred,
             writes_normals: targets.normal().is_some(),
             has_coverage: settings.sums_coverage(has_triangles),
-            from_vertices: !settings.has_cut(),
+            from_vertices: settings.method == Method::Points,
+            are_polygons: settings.drawn_vertex_splats().is_some(),
             has_lamp: !settings.has_headlight(),
             sums,
             color: targets.color().format,
@@ -154,6 +157,8 @@ pub(crate) struct FuzzyPasses {
     depth_splats: PrimitivePipelines,
     blend_triangles: ShaderPipeline,
     blend_splats: PrimitivePipelines,
+    /// Of oriented polygons: depth and blend.
+    polygons: Option<[ShaderPipeline; 2]>,
     normalize: ShaderPipeline,
     sums: Target,
     normals: Option<Target>,
@@ -173,6 +178,7 @@ impl PrimitivePipelines {
             triangles: Some(triangles),
             points: Some(points),
             quads: Some(quads),
+            polygons: None,
         }
     }
 }
@@ -184,6 +190,42 @@ pub(crate) struct FuzzyLists<'a> {
     pub(crate) raster: RasterList<'a>,
     /// By compute; none where it draws nothing.
     pub(crate) small: Option<compute::ComputeInput<'a>>,
+}
+
+/// Pipelines of oriented polygons: depth and blend, like these.
+///
+/// # Errors
+/// When memory runs out.
+fn polygon_pipelines(
+    gpu: &Arc<Gpu>,
+    variant: &FuzzyVariant,
+    depth: PipelineDescription<'_>,
+    blend: PipelineDescription<'_>,
+) -> Result<[ShaderPipeline; 2], Error> {
+    let [deferred, lamp] = variant.of_light();
+    let fans = |description: PipelineDescription<'_>| {
+        let description = PipelineDescription {
+            record: POLYGON,
+            topology: PrimitiveTopology::Fans,
+            ..description
+        };
+        ShaderPipeline::for_flags(gpu, &description, variant.flags)
+    };
+    Ok([
+        fans(PipelineDescription {
+            name: "fuzzy.depth polygons",
+            vertex: &shaders::FUZZY_DEPTH_POLYGONS_VERT,
+            fragment: Some(&shaders::FUZZY_DEPTH_POLYGONS_FRAG),
+            ..depth
+        })?,
+        fans(PipelineDescription {
+            name: "fuzzy.blend polygons",
+            vertex: &shaders::POLYGONS_SPLATS_VERT,
+            fragment: Some(shaders::FUZZY_BLEND_POLYGONS_FRAG.of(variant.sums_normals())),
+            constants: &[IS_GAUSS.is(variant.is_gauss), deferred, lamp],
+            ..blend
+        })?,
+    ])
 }
 
 impl FuzzyPasses {
@@ -290,6 +332,9 @@ impl FuzzyPasses {
                 ..blend
             })?,
             blend_splats: pair("fuzzy.blend splats", blend_splats, true)?,
+            polygons: (variant.are_polygons)
+                .then(|| polygon_pipelines(gpu, &variant, base, blend))
+                .transpose()?,
             normalize: pipeline(&PipelineDescription {
                 name: "fuzzy.normalize",
                 vertex: &shaders::FILTERED_NORMALIZE_VERT,
@@ -365,7 +410,10 @@ impl FuzzyPasses {
             .pass("fuzzy.depth")
             .depth(targets.depth(), TargetLoad::Clear([0.0; 4]));
         let triangles = &self.depth_triangles;
-        let pipelines = self.depth_splats.with(triangles, list.small.is_some());
+        let pipelines = RasterPipelines {
+            polygons: self.polygons.as_ref().map(|[depth, _]| depth),
+            ..self.depth_splats.with(triangles, list.small.is_some())
+        };
         raster_pass::draw(pass, &list.raster, pipelines, context, constants);
     }
 
@@ -386,7 +434,10 @@ impl FuzzyPasses {
         }
         let pass = pass.depth_test(targets.depth());
         let triangles = &self.blend_triangles;
-        let pipelines = self.blend_splats.with(triangles, list.small.is_some());
+        let pipelines = RasterPipelines {
+            polygons: self.polygons.as_ref().map(|[_, blend]| blend),
+            ..self.blend_splats.with(triangles, list.small.is_some())
+        };
         raster_pass::draw(pass, &list.raster, pipelines, context, constants);
     }
 

@@ -328,7 +328,12 @@ impl<'a> CutPasses<'a> {
         RasterList {
             scene: self.drawn.scene,
             triangles: RasterTriangles::Runs(self.lists.indices(), &self.lists.runs),
-            splats: RasterSplats::Records(self.records()),
+            splats: match (self.held.polygons, self.drawn.plan.technique) {
+                (1.., Technique::Fuzzy | Technique::Visibility) => {
+                    RasterSplats::Polygons(&self.lists.polygons, self.held.polygons as u32)
+                }
+                _ => RasterSplats::Records(self.records()),
+            },
         }
     }
 

@@ -152,7 +152,11 @@ impl VulkanRenderer {
             _ => SplatSource::List,
         };
         let how = (plan.constants.flags, plan.may_use_compute);
-        visibility.ensure(source, plan.settings.reconstruction, how)
+        visibility.ensure(source, plan.settings.reconstruction, how)?;
+        match plan.settings.drawn_vertex_splats() {
+            Some(_) => visibility.ensure_polygons(plan.constants.flags),
+            None => Ok(()),
+        }
     }
 
     fn prepare_fuzzy(&mut self, plan: &FramePlan) -> Result<(), Error> {

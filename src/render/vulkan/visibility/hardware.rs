@@ -25,7 +25,7 @@ use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::visibility::compute::ComputeVisibility;
 use crate::render::vulkan::visibility::pull_push::ColorPyramid;
 use crate::render::vulkan::visibility::targets::{FRONTS, PICKED, attach_last, last_pass};
-use crate::render::vulkan::{NORMAL, SPLAT, VERTEX};
+use crate::render::vulkan::{NORMAL, POLYGON, SPLAT, VERTEX};
 use std::sync::Arc;
 
 /// What a frame draws.
@@ -58,6 +58,8 @@ pub(crate) struct VisibilityPasses {
     triangles: Option<(u32, [ShaderPipeline; 2])>,
     from_list: Option<SplatPipelines>,
     from_vertices: Option<SplatPipelines>,
+    /// Of oriented polygons: footprints as fans, and centers.
+    polygons: Option<[ShaderPipeline; 2]>,
     /// For frames that compute may draw.
     twin: Option<ComputeVisibility>,
     picked: Target,
@@ -77,7 +79,6 @@ fn first_pass(
 ) -> Result<ShaderPipeline, Error> {
     let formats = [PICKED, FRONTS, NORMAL];
     let pass = if is_center { "centers" } else { "depth" };
-    // Triangles are no quads.
     let constants = [
         IS_CENTER.is(is_center),
         IS_QUAD.is(topology == PrimitiveTopology::Quads),
@@ -89,11 +90,18 @@ fn first_pass(
             vertex,
             fragment: Some(match topology {
                 PrimitiveTopology::Triangles => shaders::VISIBILITY_TRIANGLES_FRAG.of(normals),
-                PrimitiveTopology::Points | PrimitiveTopology::Quads | PrimitiveTopology::Fans => {
+                PrimitiveTopology::Fans => shaders::VISIBILITY_POLYGONS_FRAG.of(normals),
+                PrimitiveTopology::Points | PrimitiveTopology::Quads => {
                     shaders::VISIBILITY_SPLATS_FRAG.of(normals)
                 }
             }),
-            constants: &constants[..1 + usize::from(topology != PrimitiveTopology::Triangles)],
+            constants: match topology {
+                PrimitiveTopology::Fans => &[],
+                // Centers of polygons are no quads.
+                PrimitiveTopology::Points if record.stride == POLYGON.stride => &constants[..1],
+                PrimitiveTopology::Triangles => &constants[..1],
+                PrimitiveTopology::Points | PrimitiveTopology::Quads => &constants,
+            },
             record,
             topology,
             colors: &formats[..if normals { 3 } else { 2 }],
@@ -140,6 +148,7 @@ impl VisibilityPasses {
             triangles: None,
             from_list: None,
             from_vertices: None,
+            polygons: None,
             twin: None,
             picked: Target::new(gpu, "picked", PICKED, width, height)?,
             fronts: Target::new(gpu, "fronts", FRONTS, width, height)?,
@@ -147,6 +156,32 @@ impl VisibilityPasses {
             density: None,
             pyramid: None,
         })
+    }
+
+    /// Makes what oriented polygons need in frames of these flags, once [`VisibilityPasses::ensure`] was called for them.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn ensure_polygons(&mut self, flags: u32) -> Result<(), Error> {
+        if self.polygons.is_none() {
+            let make = |is_center, vertex, topology| {
+                let how = (self.normals, flags);
+                first_pass(&self.gpu, how, is_center, (vertex, POLYGON), topology)
+            };
+            self.polygons = Some([
+                make(
+                    false,
+                    &shaders::VISIBILITY_POLYGONS_VERT,
+                    PrimitiveTopology::Fans,
+                )?,
+                make(
+                    true,
+                    &shaders::VISIBILITY_POLYGON_CENTERS_VERT,
+                    PrimitiveTopology::Points,
+                )?,
+            ]);
+        }
+        Ok(())
     }
 
     /// Makes what splats from `source` and `reconstruction` need in frames of these flags, that compute may draw or may not,
@@ -173,7 +208,7 @@ impl VisibilityPasses {
                 )
             };
             self.triangles = Some((flags, [make(false)?, make(true)?]));
-            (self.from_list, self.from_vertices) = (None, None);
+            (self.from_list, self.from_vertices, self.polygons) = (None, None, None);
             self.twin = None;
         }
         if by_compute && self.twin.is_none() {
@@ -227,6 +262,7 @@ impl VisibilityPasses {
         let has_quads = match list.raster.splats {
             RasterSplats::Records(records) => records.quads.count > 0,
             RasterSplats::Vertices { as_quads } => as_quads,
+            RasterSplats::Polygons(..) => true,
             RasterSplats::Nothing => false,
         };
         let rect_px = if has_quads {
@@ -302,7 +338,15 @@ impl VisibilityPasses {
     ) {
         let splats = match list.splats {
             RasterSplats::Vertices { .. } => &self.from_vertices,
-            RasterSplats::Records(_) | RasterSplats::Nothing => &self.from_list,
+            RasterSplats::Records(_) | RasterSplats::Polygons(..) | RasterSplats::Nothing => {
+                &self.from_list
+            }
+        };
+        let polygons = match (list.splats, &self.polygons) {
+            (RasterSplats::Polygons(..), Some([footprints, centers])) => {
+                Some([footprints, centers])
+            }
+            _ => None,
         };
         let (Some(splats), Some((_, triangles))) = (splats, &self.triangles) else {
             unreachable!("ensure made the pipelines")
@@ -326,11 +370,14 @@ impl VisibilityPasses {
             let pipelines = RasterPipelines {
                 reads_textures: false,
                 triangles: Some(triangles),
-                points: Some(if is_center {
-                    &splats.centers
-                } else {
-                    &splats.points
+                points: Some(match (is_center, polygons) {
+                    (true, Some([_, centers])) => centers,
+                    (true, None) => &splats.centers,
+                    (false, _) => &splats.points,
                 }),
+                polygons: polygons
+                    .map(|[footprints, _]| footprints)
+                    .filter(|_| !is_center),
                 // A center is a pixel, however large its footprint.
                 quads: (!is_center).then_some(&splats.quads),
             };
