@@ -10,7 +10,7 @@ use super::fit::{self, FitCorner};
 use super::footprint::{self, HullScratch};
 use super::nearest::SurfaceDistance;
 use super::packed;
-use super::record::{NodePatch, RESIDUAL_LEVELS};
+use super::record::{NodePatch, NodePatches, RESIDUAL_LEVELS};
 use crate::math::octahedral;
 use crate::progress::Progress;
 use crate::tree::{Error, Model, geometric_normal};
@@ -35,13 +35,6 @@ const FEW_CORNERS: usize = 48;
 
 /// Nodes that a thread takes at a time.
 const CHUNK: usize = 64;
-
-/// Records of the nodes of a tree, in its order. Empty for a cloud and for a tree without nodes.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct NodePatches {
-    /// A record a node.
-    pub records: Vec<NodePatch>,
-}
 
 /// Means over what is below a node or leaf.
 #[derive(Debug, Clone, Copy, Default)]

@@ -18,8 +18,8 @@
 //!
 //! Angles are compared by their sines and cosines. Everything is rounded so that more is refused.
 
-use super::build::{FULL_LEVELS, NodePatches};
-use super::record::{NodePatch, RESIDUAL_LEVELS};
+use super::build::FULL_LEVELS;
+use super::record::{NodePatch, NodePatches, RESIDUAL_LEVELS};
 use super::settings::PatchCutSettings;
 use crate::cut::{FourNodes, NodeTester};
 use crate::math::octahedral;

@@ -4,10 +4,10 @@
 //! pixels that its thickness can be seen beside it ([`crate::pack::polygons`]). What lies in the widened margin is pushed back
 //! by the thickness and its distance from the footprint, so that a neighbor's own area wins.
 
-use super::build::NodePatches;
 use super::cut::PatchCut;
 use super::packed;
 use super::record::NodePatch;
+use super::record::NodePatches;
 use crate::abi::OrientedPolygon;
 use crate::cut::{StripRun, strip_centers};
 use crate::image::{Image, unorm8};

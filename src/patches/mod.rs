@@ -20,12 +20,12 @@ mod settings;
 #[cfg(test)]
 mod tests;
 
-pub use build::{FULL_LEVELS, MOST_SHADE_LEVELS, NodePatches, build};
+pub use build::{FULL_LEVELS, MOST_SHADE_LEVELS, build};
 pub use check::check_records;
 pub use conditions::PatchConditions;
 pub use cut::{PatchCut, PatchRefusals, PatchSelector, select};
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
 pub use raster::{PatchLight, PatchList, PatchPixel, PatchRaster, PatchTarget};
-pub use record::{MOST_CORNERS, NodePatch, RESIDUAL_LEVELS};
+pub use record::{MOST_CORNERS, NodePatch, NodePatches, RESIDUAL_LEVELS};
 pub use resident::{ResidentPatches, add_records};
 pub use settings::{ErrorTolerances, PatchCutSettings, PatchRules};

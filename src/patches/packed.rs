@@ -4,9 +4,8 @@
 //! full record and a little more. The plane's normal is exact, since records are made with normals of 2 x 12 bit; so is the
 //! direction of the rectangle.
 
-use super::build::NodePatches;
 use super::footprint::{self, SIGNS, TURNS};
-use super::record::{NodePatch, RESIDUAL_LEVELS};
+use super::record::{NodePatch, NodePatches, RESIDUAL_LEVELS};
 use crate::tree::{Model, Node, PackedPatch, PackedPatchColors, PatchRecords};
 use bytemuck::Zeroable;
 use glam::{Vec2, Vec3};
@@ -23,6 +22,9 @@ const PLACE_UNITS: f32 = 32767.0;
 
 /// Units of half sides in the largest of them.
 const SIDE_UNITS: f32 = 65535.0;
+
+/// By how much a footprint is wider than what it holds, in radii.
+const ROUNDING_ROOM: f32 = 1.0 / 4096.0;
 
 /// Units of cuts of corners in a half side.
 const CUT_UNITS: f32 = 255.0;
@@ -174,12 +176,13 @@ impl PackedPatch {
         let whole = |value: f32, unit: f32| (value.clamp(-1.0, 1.0) * unit).round();
         let height = whole(along(normal), PLACE_UNITS);
         let middle = [axis, across].map(|side| whole(along(side), PLACE_UNITS));
-        // What the middle was moved by comes on top.
+        // What the middle was moved by comes on top, and room for the rounding of pictures: two patches of a plane share
+        // their side.
         let moved = Vec2::new(
             along(axis) - middle[0] / PLACE_UNITS,
             along(across) - middle[1] / PLACE_UNITS,
         );
-        let sides = patch.half_extents / radius + moved.abs() + Vec2::splat(1e-6);
+        let sides = patch.half_extents / radius + moved.abs() + Vec2::splat(ROUNDING_ROOM);
         let half_extents = [sides.x, sides.y].map(|side| {
             let units = (side * (SIDE_UNITS / WIDEST_SIDE)).ceil();
             units.clamp(1.0, SIDE_UNITS) as u16
@@ -326,7 +329,7 @@ fn packed_cuts(patch: &NodePatch, radius: f32, moved: Vec2, half: Vec2) -> [u8; 
         }
     }
     reach.map(|reach| {
-        let units = (2.0 - reach - 1e-4) * CUT_UNITS;
+        let units = (2.0 - reach - 2.0 * ROUNDING_ROOM) * CUT_UNITS;
         units.floor().clamp(0.0, CUT_UNITS) as u8
     })
 }

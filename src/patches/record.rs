@@ -53,6 +53,13 @@ pub struct NodePatch {
     pub flags: u8,
 }
 
+/// Records of the nodes of a tree, in its order. Empty for a cloud and for a tree without nodes.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct NodePatches {
+    /// A record a node.
+    pub records: Vec<NodePatch>,
+}
+
 impl Default for NodePatch {
     /// A node that never is a patch.
     fn default() -> Self {

@@ -29,7 +29,7 @@ fn normals_are_flat_smooth_or_those_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     pyramid(at, "a.obj", [0.0; 2]);
-    let mut draw = |words: &str| {
+    let draw = |words: &str| {
         let run = expect(at, 0, &format!("render a.obj {LOOK} p.png {words}"));
         assert!(run.err.is_empty(), "{words}: {}", run.err);
         bytes(at, "p.png")

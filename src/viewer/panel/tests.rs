@@ -583,14 +583,7 @@ fn the_colors_of_overdraw_have_a_legend() {
 #[test]
 fn a_window_lower_than_the_margins_of_the_panel_has_one() {
     let settings = Settings::default();
-    let facts = PanelFacts {
-        name: "ball.ply".into(),
-        triangles: 20,
-        vertices: 12,
-        nodes: 30,
-        bytes: 1000,
-        is_closed: true,
-    };
+    let facts = facts();
     let context = egui::Context::default();
     for height in [1.0, 8.0, 20.0, 21.0] {
         let input = RawInput {
