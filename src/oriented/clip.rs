@@ -320,7 +320,7 @@ fn cut(
     corners: &mut Vec<DVec2>,
     radius: f64,
     slack: f64,
-    edges: &mut Vec<HalfPlane>,
+    edges: &mut [HalfPlane],
     kept: &[DVec2],
     crossed: &mut Vec<CrossedEdge>,
 ) -> Option<()> {
