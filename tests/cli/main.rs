@@ -16,6 +16,7 @@ mod lost;
 mod models;
 mod motion;
 mod packages;
+mod patches;
 mod pictures;
 mod placing;
 mod profile;

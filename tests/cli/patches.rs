@@ -1,0 +1,35 @@
+//! Records of error patches in tree files.
+
+use super::harness::expect;
+
+#[test]
+fn records_of_patches_stay_in_the_tree_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    expect(
+        at,
+        0,
+        "build generate:statue:3000 -o with.surfel --patches -q",
+    );
+    expect(at, 0, "build generate:statue:3000 -o without.surfel -q");
+    let bytes = |name: &str| {
+        let facts = expect(at, 0, &format!("info {name} --json")).json();
+        facts["patch_bytes"].as_u64()
+    };
+    assert_eq!(bytes("without.surfel"), None);
+    let nodes = expect(at, 0, "info with.surfel --json").json()["tree"]["interior_nodes"].as_u64();
+    assert_eq!(bytes("with.surfel"), nodes.map(|nodes| 36 * nodes));
+    let checked = expect(at, 0, "check with.surfel").text();
+    assert!(checked.contains("clean"), "{checked}");
+    // Records that are read draw what those draw that are made now.
+    let draw = |name: &str| {
+        let words = "--error 0.15,0.25,24 --backend cpu --samples 1 --size 90x90 -o p.png -q";
+        expect(at, 0, &format!("render {name} {words}"));
+        std::fs::read(at.join("p.png")).unwrap()
+    };
+    assert!(draw("with.surfel") == draw("without.surfel"));
+    std::fs::write(at.join("points.xyz"), "0 0 0\n1 0 0\n0 1 0\n").unwrap();
+    let run = expect(at, 2, "build points.xyz -o p.surfel --patches -q");
+    assert!(run.err.contains("only surfaces"), "{}", run.err);
+    expect(at, 2, "build points.xyz -o p.surfel --patches --paged");
+}
