@@ -93,7 +93,10 @@ render() {
     file=$1
     on=$2
     shift 2
-    "$program" render "$model" -o "$file" --orbit 30,20,1 --size 400x400 --quiet ${on:+--device "$on"} "$@" >/dev/null
+    # In the light of measurements, unless there is a lamp.
+    case " $* " in *" --light "*) ;; *) set -- --light headlight "$@" ;; esac
+    "$program" render "$model" -o "$file" --orbit 30,20,1 --size 400x400 --samples 16 --ambient-occlusion off --quiet \
+        ${on:+--device "$on"} "$@" >/dev/null
 }
 
 # Draws it both ways and compares: NAME OPTIONS WAY...

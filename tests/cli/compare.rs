@@ -216,7 +216,7 @@ fn a_scene_is_drawn_with_its_own_camera_size_and_threshold() {
     expect(
         at,
         0,
-        "render scene:edge-on --camera c.json --threshold 6 --samples 1 -o b.exr --device mirror",
+        "render scene:edge-on --camera c.json --threshold 6 --samples 1 --light headlight --ambient-occlusion off -o b.exr --device mirror",
     );
     let bytes = |name: &str| std::fs::read(at.join(name)).unwrap();
     assert!(bytes("a.exr") == bytes("b.exr"));

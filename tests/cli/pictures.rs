@@ -312,7 +312,7 @@ fn samples_are_averaged() {
 fn looks_are_what_their_options_say() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let scene = "render generate:sphere:9000 --size 60x60 --orbit 0,0,0.7 --device mirror -o a.png";
+    let scene = "render generate:sphere:9000 --size 60x60 --orbit 0,0,0.7 --device mirror --light headlight --ambient-occlusion off -o a.png";
     let draw = |options: &str| {
         expect(at, 0, &format!("{scene} {options}"));
         let image = load(&at.join("a.png"));
@@ -427,7 +427,7 @@ fn filtered_splats_cover_rims_in_part() {
 fn overdraw_says_what_its_colors_mean() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let scene = "render generate:sphere:9000 --size 60x60 --orbit 0,0,0.7 --device mirror -o a.png";
+    let scene = "render generate:sphere:9000 --size 60x60 --orbit 0,0,0.7 --device mirror --light headlight --ambient-occlusion off -o a.png";
     let counted = format!("{scene} --color-by overdraw");
     let all = format!("{counted} --method triangles --culling");
     // A line of sight goes into a ball and out of it.

@@ -9,8 +9,8 @@ fn a_folder_with_table_page_and_pictures() {
     let words = "stability -o out --scene edge-on,one-point,fence --method triangles,pop --splat square --device mirror";
     let run = expect(folder.path(), 0, words);
     let text = run.text();
-    // triangles; pop; pop with another culling is for other scenes.
-    assert!(text.contains("6 cells: "), "{text}");
+    // triangles; pop; patches, but of the point; pop with another culling is for other scenes.
+    assert!(text.contains("8 cells: "), "{text}");
     assert!(
         text.contains("fence, triangles: wires of 0.4 pixels"),
         "{text}"
@@ -30,9 +30,11 @@ fn a_folder_with_table_page_and_pictures() {
     assert_eq!(
         names(&out.join("pictures")),
         [
+            "edge-on-patches.png",
             "edge-on-pop.png",
             "edge-on-triangles.png",
             "edge-on-truth.png",
+            "fence-patches.png",
             "fence-pop.png",
             "fence-triangles.png",
             "fence-truth.png",
@@ -42,14 +44,14 @@ fn a_folder_with_table_page_and_pictures() {
     );
     let csv = std::fs::read_to_string(out.join("stability.csv")).unwrap();
     let rows: Vec<&str> = csv.trim_end().split("\r\n").collect();
-    assert_eq!(rows.len(), 7, "{csv}");
+    assert_eq!(rows.len(), 9, "{csv}");
     assert!(
         rows.iter()
             .any(|r| r.starts_with("fence,triangles,1,known limit,"))
     );
     let page = std::fs::read_to_string(out.join("index.html")).unwrap();
-    // Six pictures and the truth of the two scenes that are no clouds.
-    assert_eq!(page.matches("<img ").count(), 8);
+    // Eight pictures and the truth of the two scenes that are no clouds.
+    assert_eq!(page.matches("<img ").count(), 10);
     assert!(!page.contains("src=\"http") && page.ends_with("</html>\n"));
 }
 

@@ -188,6 +188,7 @@ fn check_facts(facts: &Value, file_bytes: u64) {
             "min",
             "origin",
             "parts",
+            "patch_bytes",
             "radius",
             "remarks",
             "tree",

@@ -8,30 +8,36 @@ pub(crate) const WRITERS: &[(&str, &str)] = &[
     ("generate sphere --triangles 2000 -o @out.ply", "out.ply"),
     ("build model.ply -o @out.surfel", "out.surfel"),
     ("build model.ply --paged -o @out.surfel", "out.surfel"),
-    ("render model.ply --device mirror -o @out.png", "out.png"),
-    ("render model.ply --device mirror -o @out.exr", "out.exr"),
     (
-        "render model.ply --device mirror --depth @out.exr",
-        "out.exr",
-    ),
-    (
-        "render model.ply --device mirror --depth @out.npy",
-        "out.npy",
-    ),
-    (
-        "render model.ply --device mirror --normals @out.exr",
-        "out.exr",
-    ),
-    (
-        "render model.ply --device mirror --coverage @out.png",
+        "render model.ply --size 64x48 --device mirror -o @out.png",
         "out.png",
     ),
     (
-        "render model.ply --device mirror --stats @out.json",
+        "render model.ply --size 64x48 --device mirror -o @out.exr",
+        "out.exr",
+    ),
+    (
+        "render model.ply --size 64x48 --device mirror --depth @out.exr",
+        "out.exr",
+    ),
+    (
+        "render model.ply --size 64x48 --device mirror --depth @out.npy",
+        "out.npy",
+    ),
+    (
+        "render model.ply --size 64x48 --device mirror --normals @out.exr",
+        "out.exr",
+    ),
+    (
+        "render model.ply --size 64x48 --device mirror --coverage @out.png",
+        "out.png",
+    ),
+    (
+        "render model.ply --size 64x48 --device mirror --stats @out.json",
         "out.json",
     ),
     (
-        "render model.ply --device mirror --save-camera @out.json",
+        "render model.ply --size 64x48 --device mirror --save-camera @out.json",
         "out.json",
     ),
     (
