@@ -610,7 +610,11 @@ fn the_options_say_what_they_refuse_and_the_statistics_which_light_it_was() {
         assert_eq!(out, b"", "{options}");
     }
     for (options, wanted) in [
-        ("", serde_json::json!({ "kind": "headlight" })),
+        ("", serde_json::json!({ "kind": "studio" })),
+        (
+            "--light headlight",
+            serde_json::json!({ "kind": "headlight" }),
+        ),
         (
             "--light phong --light-position 1,-2,3 --ambient 0.25 --specular 0 --shininess 8",
             serde_json::json!({ "kind": "phong", "position": [1.0, -2.0, 3.0], "ambient": 0.25, "specular": 0.0, "shininess": 8.0 }),
