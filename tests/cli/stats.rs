@@ -264,7 +264,7 @@ fn statistics_have_every_field_with_a_value_that_can_be_true() {
                 ""
             };
             let words = format!(
-                "render sphere.surfel --size 120x90 --method {method} --threshold 1.5 {occlusion} {device}"
+                "render sphere.surfel --size 120x90 --light headlight --ambient-occlusion off --method {method} --threshold 1.5 {occlusion} {device}"
             );
             let stats = expect(at, 0, &format!("{words} --stats -")).json();
             check_stats(&stats, method, is_device);
