@@ -50,7 +50,7 @@ pub struct OpenOptions {
     /// [`OpenedModel::paged`] has the file, for [`PagedModel`](crate::render::paged_model::PagedModel). Else all are read and
     /// joined.
     pub streams_pages: bool,
-    /// Where the model stands, and its color; trees, which are built already, have their own.
+    /// Place and color of the model; trees, which are built already, have their own.
     pub placement: MeshPlacement,
     /// What is kept of the model; its tree is that of the whole, cut down ([`Model::kept`]).
     pub keep: PointFilter,

@@ -32,10 +32,10 @@ const UNSEEN_FLIP: f64 = 1e-4;
 /// Largest part of it in scenes that are hard on purpose.
 const SCENE_PART: f64 = 1.0;
 
-/// What is drawn of a model, and what it is held to.
+/// Settings by which a model is drawn and judged.
 #[derive(Debug)]
 struct JudgedSettings {
-    /// As the default draws it.
+    /// Settings of the default picture of `surfel render`.
     smooth: Settings,
     /// All that is there: every triangle, or every point of a cloud.
     plain: Settings,
@@ -158,7 +158,7 @@ const BLADE: (f32, f32) = (129.0, 0.6);
 /// edge is a fifth of a pixel wide. Standing and turned a little, so that it passes between the centers of pixels.
 ///
 /// # Errors
-/// Those of the tree.
+/// Errors of building the tree.
 pub fn blade(progress: &dyn Progress) -> Result<(Model, Camera), Error> {
     let (side, thickness) = BLADE;
     let half = Vec3::new(thickness, side, side) / 2.0;

@@ -45,7 +45,7 @@ pub const KINDS: [SplatKind; 6] = [
     SplatKind::Filtered,
 ];
 
-/// What there is to draw with besides splats by the rasterizer.
+/// Ways to draw besides splats by the rasterizer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AvailablePaths {
     /// Compute shaders.
@@ -215,7 +215,7 @@ impl DrawConfiguration {
         }
     }
 
-    /// Which nodes are patches; `None` where none is.
+    /// Rules for nodes that are patches; `None` where none is.
     fn rules(&self) -> Option<PatchRules> {
         self.has_patches.then(|| PatchRules {
             tolerances: ErrorTolerances::within(self.threshold_px),

@@ -132,7 +132,7 @@ impl CallFaults {
         *lock(&self.0.failed)
     }
 
-    /// What validation has said to all devices that were opened with these faults, those included that could not be.
+    /// Messages of validation to all devices that were opened with these faults, those included that could not be.
     pub fn messages(&self) -> Vec<super::messages::LayerMessage> {
         let lists = lock(&self.0.messages);
         lists.iter().flat_map(LayerMessages::list).collect()
@@ -198,7 +198,7 @@ impl Drop for FaultGuard {
     }
 }
 
-/// How many devices are open whose calls are counted. For tests: none may be left.
+/// Number of open devices whose calls are counted. For tests: none may be left.
 pub fn open_devices() -> usize {
     lock(&COUNTED).as_ref().map_or(0, |counted| counted.open)
 }

@@ -1,4 +1,4 @@
-//! Where a mesh stands beside others, and its color there: what a user says of one of several files.
+//! Place and color of a mesh beside others: what a user says of one of several files.
 
 use super::{Mesh, origin_of};
 use glam::{DAffine3, DMat3, DVec3};
@@ -13,7 +13,7 @@ pub struct MeshPlacement {
 }
 
 impl MeshPlacement {
-    /// Whether a mesh stays as it is.
+    /// Tells whether a mesh stays as it is.
     pub fn is_identity(&self) -> bool {
         *self == Self::default()
     }

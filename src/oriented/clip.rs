@@ -34,7 +34,7 @@ const EDGE_SLACK: f64 = 1e-3;
 /// How far the color of a splat may be from that of a neighbor in its cluster, of 255 levels.
 const MOST_LEVELS: f64 = 16.0;
 
-/// How far the unit normal of a splat may be from that which triangles interpolate, where it has to cover: about two and a half
+/// Largest distance of the unit normal of a splat from that which triangles interpolate, where it has to cover: about two and a half
 /// levels of the headlight. The angle of clusters bounds where splats lie, not what they look like: without this, those of
 /// 5 degrees have 1.5 times the error of one exact sample (Porsche, mean FLIP of four views), with it 1.0.
 const MOST_SHADE_TURN: f64 = 0.012;

@@ -116,7 +116,7 @@ impl AnchoredCone {
 /// Eyes that [`count_culls`] looks from.
 pub const CULL_EYES: u32 = 1000;
 
-/// What a test culls of a tree over the faces of a surface.
+/// Nodes that a test culls of a tree over the faces of a surface.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CullCount {
     /// Faces that turn to the eye and were culled.

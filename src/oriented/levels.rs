@@ -55,14 +55,14 @@ struct LevelPoint {
     color: DVec3,
 }
 
-/// What a view needs of the tree.
+/// Splats and triangles that a view needs of the tree.
 #[derive(Debug, Default)]
 pub struct LevelCut {
     /// Splats of points, and discs of nodes.
     pub polygons: Vec<OrientedPolygon>,
     /// Triangles beside them, ascending.
     pub triangles: Vec<u32>,
-    /// How many of the polygons are discs of nodes.
+    /// Number of polygons that are discs of nodes.
     pub node_count: usize,
     open: Vec<u32>,
 }
@@ -146,7 +146,7 @@ impl SplatLevels {
         self.push_node(points, first + half, count - half);
     }
 
-    /// What a view needs: nodes of at most `threshold_px` projected diameter as one disc each, and what is drawn of the leaves
+    /// Selects what a view needs: nodes of at most `threshold_px` projected diameter as one disc each, and what is drawn of the leaves
     /// above that, without what lies beside the picture.
     pub fn select(&self, set: &SplatSet, view: &View, threshold_px: f32, cut: &mut LevelCut) {
         cut.polygons.clear();

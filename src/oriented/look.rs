@@ -33,7 +33,7 @@ impl Default for VertexLook {
 /// Most that a normal may turn from the middle of a splat to a corner, as a tangent: what turns more is no smooth surface.
 const MOST_TURN: f64 = 1.0;
 
-/// How far a splat is from the look of what it has to cover.
+/// Differences of a splat from the look of what it has to cover.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LookMisfit {
     /// Greatest distance of the unit normal that the splat has from the one that the mesh interpolates there.

@@ -33,7 +33,7 @@ pub enum SamplePattern {
 /// How a surface is sampled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampleRules {
-    /// Where samples lie.
+    /// Pattern in which samples lie.
     pub pattern: SamplePattern,
     /// Distance of neighbors, model units; above 0.
     pub spacing: f64,
@@ -41,16 +41,16 @@ pub struct SampleRules {
     pub crease: f64,
 }
 
-/// Where samples lie and how densely, for a model that is not known yet.
+/// Places and density of samples, for a model that is not known yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampleChoice {
-    /// Where samples lie.
+    /// Pattern in which samples lie.
     pub pattern: SamplePattern,
     /// Distance of neighbors, model units; `None` for [`SampleBounds::usual_spacing`].
     pub spacing: Option<f64>,
 }
 
-/// What bounds the number of samples of a mesh.
+/// Bounds of the number of samples of a mesh.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SampleBounds {
     area: f64,
@@ -95,7 +95,7 @@ impl SampleBounds {
         self.usual
     }
 
-    /// How a mesh with these bounds is sampled.
+    /// Chooses how a mesh with these bounds is sampled.
     ///
     /// # Errors
     /// A spacing that is not above 0, or so small that there may be more than [`MOST_SAMPLES`].

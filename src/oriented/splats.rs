@@ -25,7 +25,7 @@ pub struct SplatRules {
     pub is_uncut: bool,
     /// Splats lie evenly on the surface instead of at its vertices.
     pub samples: Option<SampleChoice>,
-    /// What is small on the picture is one disc for many points, and what leaves are; `None` draws all.
+    /// Levels of detail: what is small on the picture is one disc for many points, and what leaves are; `None` draws all.
     pub levels: Option<LevelLeaf>,
 }
 
@@ -47,7 +47,7 @@ impl SplatRules {
     }
 }
 
-/// What a leaf of a tree over points is drawn as.
+/// Primitive that a leaf of a tree over points is drawn as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LevelLeaf {
     /// Its splats.

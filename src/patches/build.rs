@@ -87,7 +87,7 @@ struct PatchSource<'a> {
 struct DrawnFootprint {
     /// With the rounded geometry.
     patch: NodePatch,
-    /// What its (u, v) have to be moved by to be those of the record before it was rounded.
+    /// Offset by which its (u, v) have to be moved to be those of the record before it was rounded.
     moved: Vec2,
     node: u32,
 }
@@ -102,7 +102,7 @@ impl DrawnFootprint {
         }
     }
 
-    /// Whether a place of the footprint lies above or below one of these triangles, which have three corners each.
+    /// Tells whether a place of the footprint lies above or below one of these triangles, which have three corners each.
     fn is_covered(&self, at: Vec2, corners: &[FitCorner]) -> bool {
         let at = at + self.moved;
         (corners.chunks_exact(3)).any(|t| is_in_triangle(at, [t[0].at, t[1].at, t[2].at]))

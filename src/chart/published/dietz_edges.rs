@@ -1,4 +1,4 @@
-//! What splats from vertices do to a surface, beside what the thesis has: how far they stand out, what they leave bare, how far
+//! Measures of splats from vertices that the thesis lacks: how far they stand out, what they leave bare, how far
 //! their pictures are from exact ones, and what they cost.
 
 use super::{PublishedCell, PublishedSubject, Table, count, measure, ratio};
@@ -145,7 +145,7 @@ fn angle_of(way: &EdgeWay) -> Option<f64> {
     }
 }
 
-/// What a surface has of a way, without a picture.
+/// Figures of splats that need no picture: cost, overhang and bare area.
 struct SurfaceFigures {
     us_a_vertex: f64,
     overhang: String,
@@ -330,7 +330,7 @@ fn chart_lines(ways: &[EdgeWay], times: &[f64], errors: &[WayError]) -> Vec<Angl
     lines
 }
 
-/// What is wrong in the pictures of a way.
+/// Errors of the pictures of one way to draw.
 #[derive(Debug, Clone, Copy, Default)]
 struct WayError {
     /// Mean over views.
