@@ -16,7 +16,8 @@ use surfel::math::camera::{Camera, View};
 use surfel::pages::file::PagedFile;
 use surfel::pages::join::whole_model;
 use surfel::pages::source::{ByteSource, MemorySource};
-use surfel::pages::write::{PagedOptions, to_bytes};
+use surfel::pages::write::{PagedOptions, to_bytes, to_bytes_with_patches};
+use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::progress::Silent;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::paged_model::{FilePrefix, PagedModel, PagedModelOptions};
@@ -161,6 +162,103 @@ fn a_device_draws_pages_as_the_reference_does() {
         let kinds = if path == Path::Compute { 5 } else { 6 };
         assert_eq!(drawn, 2 * 4 * kinds * 2, "{path:?}");
     }
+}
+
+/// As [`paged`], with records of error patches.
+fn paged_with_patches(model: &Model) -> PagedFile {
+    let bytes = to_bytes_with_patches(model, &SMALL_PAGES, &Silent).unwrap();
+    PagedFile::open(Arc::new(MemorySource::new("t.surfel", bytes))).unwrap()
+}
+
+fn by_error(path: Path, tolerance_px: f32) -> Settings {
+    Settings {
+        path,
+        patches: Some(PatchRules {
+            tolerances: ErrorTolerances::within(tolerance_px),
+            ..PatchRules::default()
+        }),
+        ..settings_of(SplatKind::Square, 1.0)
+    }
+}
+
+#[test]
+fn pages_are_drawn_by_error_as_the_joined_model_is() {
+    let model = statue(40_000, false);
+    let file = paged_with_patches(&model);
+    let joined = whole_model(&file, &Silent).unwrap();
+    let mut fewer = 0;
+    for (name, view) in views(&joined) {
+        for tolerance_px in [0.5, 2.0] {
+            let settings = by_error(Path::Auto, tolerance_px);
+            let (own, messages) =
+                picture(&Backend::Cpu, opened(&file, ENOUGH), &view, &settings).unwrap();
+            assert!(messages.is_empty(), "{messages:?}");
+            let outputs = pictures::with_depth(false);
+            let wanted = pictures::draw(&Backend::Cpu, &joined, &view, &settings, outputs).unwrap();
+            let (off, missing) = differences(&own, &wanted);
+            let covered = wanted.color.iter().filter(|c| c[3] > 0).count();
+            // Nodes at a limit of the cut may fall to the other side, as zeros are others.
+            let what = format!("{name}, {tolerance_px}: {off} of {covered}, {missing} missing");
+            assert!(
+                covered > 5_000 && off <= covered / 100 && missing <= 2,
+                "{what}"
+            );
+            // Fewer pages are needed than by size, and no hole appears while they are missing.
+            let by_size = settings_of(SplatKind::Square, 1.0);
+            let pages = |settings: &Settings| {
+                let mut pages = opened(&file, ENOUGH);
+                assert!(pages.load(&view, settings, &Silent).unwrap().is_empty());
+                pages.resident_pages()
+            };
+            fewer += usize::from(pages(&settings) < pages(&by_size));
+            let (few, _) = picture(&Backend::Cpu, opened(&file, 1), &view, &settings).unwrap();
+            let (_, missing) = differences(&few, &own);
+            assert!(missing <= 2, "{what}");
+        }
+    }
+    assert!(fewer >= 2, "{fewer}");
+}
+
+#[test]
+fn patches_of_pages_are_drawn_alike_by_all_and_refused_where_there_are_none() {
+    let model = statue(40_000, false);
+    let (file, plain) = (paged_with_patches(&model), paged(&model));
+    let device = Device::open();
+    let backends = [
+        Some(Backend::Cpu),
+        device
+            .as_ref()
+            .map(|own| Backend::Vulkan(own.gpu().clone())),
+    ];
+    for backend in backends.iter().flatten() {
+        for (name, view) in views(&model) {
+            for memory in [ENOUGH, 1] {
+                let path = match backend {
+                    Backend::Vulkan(_) => Path::Raster,
+                    _ => Path::Auto,
+                };
+                let settings = by_error(path, 1.0);
+                let own = picture(backend, opened(&file, memory), &view, &settings);
+                let wanted = by_error(Path::Auto, 1.0);
+                let wanted = picture(&Backend::Mirror, opened(&file, memory), &view, &wanted);
+                let oracle = pictures::REFERENCE_PATCHES;
+                oracle.assert_same(
+                    &wanted.unwrap().0,
+                    &own.unwrap().0,
+                    &format!("{name}, {memory}"),
+                );
+            }
+        }
+    }
+    let view = orbit(&model, SIZE, 40.0, 25.0, 1.0);
+    let mut pages = opened(&plain, ENOUGH);
+    let refused = pages.load(&view, &by_error(Path::Auto, 1.0), &Silent);
+    assert!(
+        refused
+            .unwrap_err()
+            .to_string()
+            .contains("--paged --patches")
+    );
 }
 
 /// How many pixels differ by more than a few levels, and how many are covered in the second alone.

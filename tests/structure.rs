@@ -48,11 +48,6 @@ const LAYERS: &[Layer] = &[
     layer("tree", &["progress", "math", "mesh", "textures", "abi"]),
     // The strips' exact size of a triangle reads those records.
     layer("cut", &["math", "threads", "simd", "tree", "abi"]),
-    // Pages decode into the records of a tree, and a cut of a page is a cut of its tree.
-    layer(
-        "pages",
-        &["progress", "math", "threads", "mesh", "abi", "tree", "cut"],
-    ),
     layer(
         "pack",
         &["math", "threads", "simd", "textures", "tree", "cut", "abi"],
@@ -65,6 +60,13 @@ const LAYERS: &[Layer] = &[
         "patches",
         &[
             "progress", "math", "threads", "simd", "abi", "tree", "cut", "pack", "image",
+        ],
+    ),
+    // Pages decode into the records of a tree and of its patches, and a cut of a page is a cut of its tree.
+    layer(
+        "pages",
+        &[
+            "progress", "math", "threads", "mesh", "abi", "tree", "cut", "patches",
         ],
     ),
     // Calibrated cameras and what a photograph shows of a surface: plain values, that every backend draws by.

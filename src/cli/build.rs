@@ -9,7 +9,7 @@ use surfel::mesh::stream::JoinedStream;
 use surfel::open::OpenedModel;
 use surfel::open::{ModelSource, external_options, open_stream};
 use surfel::pages::external::{self, ExternalError, ExternalOptions};
-use surfel::pages::write::PagedOptions;
+use surfel::pages::write::{self, PagedOptions};
 use surfel::tree;
 
 /// Build the tree of a model and write it to a file that opens at once.
@@ -31,7 +31,7 @@ pub(crate) struct Args {
     paged: bool,
     /// Keep what --error needs beside the tree, so that no start computes it: 16 bytes a triangle, with colors 21, and some
     /// seconds a million triangles
-    #[arg(long, conflicts_with_all = ["paged", "memory"])]
+    #[arg(long, conflicts_with = "memory")]
     patches: bool,
     /// Leaves of a page at most, 16 to 16384: small pages bring less that is not needed, large ones take fewer bytes
     #[arg(long, value_name = "N", default_value_t = PagedOptions::default().page_leaves, value_parser = parse_page_leaves)]
@@ -158,17 +158,33 @@ fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Resu
     Ok(true)
 }
 
-/// Adds the records of error patches to a model.
-fn keep_patches(ready: &mut OpenedModel, quiet: bool) -> Outcome {
-    let model = &mut ready.model;
-    if !model.kind().is_surface() {
-        return Err(super::usage(format!(
-            "{}: only surfaces of triangles have error patches; leave --patches out",
-            ready.name
-        )));
+/// Refuses error patches of what has none.
+fn check_patches(ready: &OpenedModel) -> Outcome {
+    if ready.model.kind().is_surface() {
+        return Ok(());
     }
-    let bar = Bar::new(quiet);
-    Ok(surfel::patches::add_records(model, &bar).map_err(surfel::Error::from)?)
+    let cause = "only surfaces of triangles have error patches; leave --patches out";
+    Err(super::usage(format!("{}: {cause}", ready.name)))
+}
+
+/// Writes a model, with the records of error patches where they are asked for or were read.
+fn write_model(
+    ready: &mut OpenedModel,
+    pages: Option<&PagedOptions>,
+    with_patches: bool,
+    output: &Path,
+    bar: &Bar,
+) -> Result<(), tree::Error> {
+    let model = &mut ready.model;
+    match (pages, with_patches || model.patches.is_some()) {
+        (None, false) => tree::file::write(model, output),
+        (None, true) => {
+            surfel::patches::add_records(model, bar)?;
+            tree::file::write(model, output)
+        }
+        (Some(pages), false) => write::write(model, pages, output),
+        (Some(pages), true) => write::write_with_patches(model, pages, output, bar),
+    }
 }
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
@@ -204,7 +220,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let is_paged = args.paged || args.memory.is_some();
     let mut ready = args.source.open(quiet)?;
     if args.patches {
-        keep_patches(&mut ready, quiet)?;
+        check_patches(&ready)?;
     }
     if let Some(textures) = &ready.model.textures {
         say(&format!(
@@ -214,14 +230,22 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         ));
     }
     let start = Instant::now();
+    let bar = Bar::new(quiet);
+    let written = write_model(
+        &mut ready,
+        is_paged.then_some(&pages),
+        args.patches,
+        &output,
+        &bar,
+    );
+    drop(bar);
     // The model was good; only the file can fail here, and that is no bad input.
-    let written = if is_paged {
-        surfel::pages::write::write(&ready.model, &pages, &output)
-    } else {
-        tree::file::write(&ready.model, &output)
-    };
-    written.map_err(|e| {
-        Failure::Run(anyhow::Error::new(e).context(format!("cannot write {}", output.display())))
+    written.map_err(|error| match error {
+        tree::Error::Cancelled => surfel::Error::from(error).into(),
+        _ => {
+            let context = format!("cannot write {}", output.display());
+            Failure::Run(anyhow::Error::new(error).context(context))
+        }
     })?;
     let size = std::fs::metadata(&output).map(|m| m.len()).unwrap_or(0);
     say(&format!(

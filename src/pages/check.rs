@@ -4,10 +4,12 @@ use super::file::PagedFile;
 use super::format::{HEADER, PageEntry};
 use super::page::{DecodeOptions, DecodedPage};
 use crate::math::octahedral;
+use crate::patches::{NodePatch, check_record, check_records};
 use crate::progress::Progress;
-use crate::tree::{Leaf, Node, NormalCone, geometric_normal};
+use crate::tree::{Leaf, Node, NormalCone, Tree, geometric_normal};
 use glam::{DVec3, Vec3};
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// Violations that are written out.
 const LISTED: usize = 50;
@@ -48,6 +50,8 @@ impl PagedReport {
 struct ExpectedPage {
     entry: PageEntry,
     outer: Option<(DVec3, f64)>,
+    /// Records of the nodes above it.
+    above: Arc<Vec<NodePatch>>,
 }
 
 /// Reads all pages in the order of the file and tests every promise of the format:
@@ -56,16 +60,26 @@ struct ExpectedPage {
 /// * each decoded triangle lies in the decoded spheres of all nodes above it in its page, each point's ball meets them (the
 ///   true one, which it holds, lies in them), and the page's root lies in the leaf that stands for it;
 /// * a cone holds the normals of the triangles below, a splat reaches their corners;
+/// * the record of an error patch bounds the triangles below its node in its page;
 /// * the counts are those of the header.
 ///
 /// A page that cannot be read is one violation; what is below it is not looked at.
 pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
     progress.stage("check pages", file.header().page_count);
     let mut report = PagedReport::default();
-    let root = file.root().map(|entry| ExpectedPage { entry, outer: None });
+    let root = file.root().map(|entry| ExpectedPage {
+        entry,
+        outer: None,
+        above: Arc::default(),
+    });
     let mut waiting: VecDeque<ExpectedPage> = root.into_iter().collect();
     let mut end = HEADER as u64;
-    while let Some(ExpectedPage { entry, outer }) = waiting.pop_front() {
+    while let Some(ExpectedPage {
+        entry,
+        outer,
+        above,
+    }) = waiting.pop_front()
+    {
         if progress.is_cancelled() {
             report.report("cancelled".to_owned());
             return report;
@@ -101,6 +115,16 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
             }
         }
         check_page(&page, entry.id, &mut report);
+        let above = match file.has_patches() {
+            true => check_patches(
+                &page.clone().in_model_space(file.origin()),
+                &above,
+                &mut |what| {
+                    report.report(format!("page {}: {what}", entry.id));
+                },
+            ),
+            false => Vec::new(),
+        };
         match &page.children {
             None => report.leaves += tree.leaves.len() as u64,
             Some(below) => {
@@ -109,6 +133,7 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
                     waiting.push_back(ExpectedPage {
                         entry,
                         outer: Some((center.as_dvec3(), f64::from(radius))),
+                        above: above.get(index).cloned().unwrap_or_default(),
                     });
                 }
             }
@@ -126,6 +151,44 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
         }
     }
     report
+}
+
+/// Tests the records of a page in model space: those of a leaf page, and those above it, must bound its triangles. Gives the
+/// records above each of the pages below an upper page.
+fn check_patches(
+    page: &DecodedPage,
+    above: &Arc<Vec<NodePatch>>,
+    report: &mut dyn FnMut(String),
+) -> Vec<Arc<Vec<NodePatch>>> {
+    let (model, tree) = (&page.model, &page.model.tree);
+    let Some(below) = &page.children else {
+        check_records(model).into_iter().for_each(&mut *report);
+        let wrong = above.iter().filter_map(|patch| check_record(model, patch));
+        wrong.for_each(|cause| report(format!("a patch above it: {cause}")));
+        return Vec::new();
+    };
+    let Some(records) = &model.patches else {
+        return Vec::new();
+    };
+    // Those of shared levels are in the pages below as well.
+    let records_of = |index: usize| {
+        let mut all = above.to_vec();
+        let mut next = match below.shared_levels {
+            0 => tree.parent_of_leaf(index as u32),
+            _ => parent(tree, below.first_shared + index as u32),
+        };
+        while let Some(id) = next {
+            let patch = records.record(id as usize, &tree.nodes[id as usize]);
+            all.extend(Some(patch).filter(NodePatch::may_be_drawn));
+            next = parent(tree, id);
+        }
+        Arc::new(all)
+    };
+    (0..below.entries.len()).map(records_of).collect()
+}
+
+fn parent(tree: &Tree, node: u32) -> Option<u32> {
+    (node > 0).then(|| tree.parents[node as usize])
 }
 
 fn holds((center, radius): (DVec3, f64), inner: DVec3, reach: f64) -> bool {

@@ -7,10 +7,11 @@
 use super::format::PageEntry;
 use super::page::DecodedPage;
 use crate::cut::{
-    Cut, CutSelector, CutSettings, CutStats, FacingTest, NodeTester, PartMarks, PartTests,
-    SharedDepth, SplatFootprints, WholeSphere,
+    CutSelector, CutSettings, CutStats, FacingTest, NodeTester, PartMarks, PartTests, SharedDepth,
+    SplatFootprints, WholeSphere,
 };
 use crate::math::camera::View;
+use crate::patches::{PatchCut, PatchSelector};
 use crate::threads;
 use std::sync::Arc;
 
@@ -28,7 +29,7 @@ pub struct PagePart {
     /// The page: ids are of its model.
     pub page: Arc<DecodedPage>,
     /// What is drawn. Leaves of upper pages stand for the pages below them, as points.
-    pub cut: Cut,
+    pub cut: PatchCut,
 }
 
 /// A page that is needed for the picture, but is not in memory.
@@ -53,10 +54,30 @@ pub struct PagedCut {
     pub stats: CutStats,
 }
 
-/// Chooses the cut of one page's model: told a selector, the page's number, the page, where the cut goes, and where pages hide
-/// each other what is needed for that.
-pub type PageChoice<'a> =
-    dyn Fn(&mut CutSelector, u32, &DecodedPage, &mut Cut, Option<PageHiding<'_>>) + Sync + 'a;
+/// Chooses the cut of one page's model: told selectors, what is asked, and where the cut goes.
+pub type PageChoice<'a> = dyn Fn(&mut PageSelectors, PageQuestion<'_>, &mut PatchCut) + Sync + 'a;
+
+/// What is asked of one page.
+#[derive(Debug)]
+pub struct PageQuestion<'a> {
+    /// The page's number.
+    pub id: u32,
+    /// The page.
+    pub page: &'a DecodedPage,
+    /// Whether what faces away is kept, and nothing hides anything.
+    pub keeps_back: bool,
+    /// What is needed where pages hide each other.
+    pub hiding: Option<PageHiding<'a>>,
+}
+
+/// What a thread cuts pages with.
+#[derive(Debug)]
+pub struct PageSelectors {
+    /// By the size of nodes.
+    pub by_size: CutSelector,
+    /// By their errors as patches.
+    pub by_error: PatchSelector,
+}
 
 /// Depths and tests that leaf pages share, so that they hide each other.
 #[derive(Debug)]
@@ -85,7 +106,7 @@ pub struct PageTests<'a> {
 /// What was found of one page.
 #[derive(Debug, Default)]
 struct PageVerdict {
-    cut: Cut,
+    cut: PatchCut,
     /// Notes of the questions that are asked again once all pages are cut.
     marks: Option<PartMarks>,
     /// Pages below it with a leaf that is too large to be drawn as a splat, whether they are there or not, in their order.
@@ -121,10 +142,13 @@ impl PageVerdict {
                 false => missing.push(open.wanted),
             }
         }
-        let cut = &mut self.cut;
+        let PatchCut {
+            patches, rest: cut, ..
+        } = &mut self.cut;
         let is_left = |index: usize| !is_open.get(index).copied().unwrap_or(false);
         if below.shared_levels > 0 && !self.open.is_empty() {
             let is_own = |node: u32| below.page_of_node(node).is_none_or(is_left);
+            patches.retain(|&node| is_own(node));
             cut.nodes.retain(|&node| is_own(node));
             cut.strips.retain(|strip| is_own(strip.node));
             cut.leaves
@@ -140,14 +164,17 @@ impl PageVerdict {
 /// Cuts over pages, and keeps its working memory from one to the next.
 #[derive(Debug)]
 pub struct PageCutSelector {
-    /// One for each thread. Pages are small: many are cut at once, each by one thread.
-    workers: Vec<CutSelector>,
+    /// Some for each thread. Pages are small: many are cut at once, each by one thread.
+    workers: Vec<PageSelectors>,
     depth: SharedDepth,
 }
 
 impl Default for PageCutSelector {
     fn default() -> Self {
-        let worker = || CutSelector::with_threads(1);
+        let worker = || PageSelectors {
+            by_size: CutSelector::with_threads(1),
+            by_error: PatchSelector::with_threads(1),
+        };
         Self {
             workers: (0..threads::count()).map(|_| worker()).collect(),
             depth: SharedDepth::default(),
@@ -161,7 +188,10 @@ impl PageCutSelector {
     pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
         let workers = std::mem::take(&mut self.workers).into_iter();
         self.workers = workers
-            .map(|worker| worker.with_subpixel_bits(bits))
+            .map(|worker| PageSelectors {
+                by_size: worker.by_size.with_subpixel_bits(bits),
+                ..worker
+            })
             .collect();
         self
     }
@@ -222,18 +252,14 @@ impl PageCutSelector {
             threads::share(&mut self.workers, work, |_, own| {
                 let PageVerdict { cut, marks, .. } = &mut own.verdict;
                 if let Some(marks) = marks {
-                    depth.finish(tests, cut, marks);
+                    depth.finish(tests, &mut cut.rest, marks);
                 }
             });
         }
         for FoundPage { id, page, verdict } in all {
             let cut = verdict.cut;
-            out.stats.add(&cut.stats);
-            let is_empty = cut.nodes.is_empty()
-                && cut.strips.is_empty()
-                && cut.leaves.is_empty()
-                && cut.triangles.is_empty();
-            if !is_empty {
+            out.stats.add(&cut.rest.stats);
+            if cut.primitives() > 0 {
                 out.parts.push(PagePart { id, page, cut });
             }
         }
@@ -277,7 +303,7 @@ impl FoundPage {
 ///
 /// Nodes of an upper page are replaced where pages below it are in memory, so that they hide nothing.
 fn look_at(
-    selector: &mut CutSelector,
+    selectors: &mut PageSelectors,
     own: &mut FoundPage,
     tests: PageTests<'_>,
     hiding: Option<(&SharedDepth, &PartTests<'_>)>,
@@ -304,21 +330,30 @@ fn look_at(
             tests,
             marks: marks.insert(PartMarks::default()),
         });
-        choose(selector, *id, page, cut, hiding);
+        let asked = PageQuestion {
+            id: *id,
+            page,
+            keeps_back: false,
+            hiding,
+        };
+        choose(selectors, asked, cut);
         return;
     };
-    choose(selector, *id, page, cut, None);
+    let asked = |keeps_back| PageQuestion {
+        id: *id,
+        page,
+        keeps_back,
+        hiding: None,
+    };
+    choose(selectors, asked(false), cut);
     // The test of leaves is that of points, by one normal, which is not that of a whole page.
+    let cut = &mut cut.rest;
     cut.leaves.clear();
     cut.triangles.clear();
-    let both_sides = CutSettings {
-        cull_back: false,
-        ..*settings
-    };
-    let mut all = Cut::default();
-    selector.select(&page.model, view, &both_sides, &mut all);
+    let mut all = PatchCut::default();
+    choose(selectors, asked(true), &mut all);
     let tester = NodeTester::new(&page.model, view, settings);
-    for leaf in all.leaves {
+    for leaf in all.rest.leaves {
         let sphere = page.model.tree.leaves[leaf as usize];
         let cone = below.cones[leaf as usize];
         let faces_away = settings.cull_back

@@ -4,10 +4,12 @@ use super::mix_hash::MixMap;
 use super::page_tops::PageTop;
 use crate::abi::Vertex;
 use crate::tree::{
-    AlignedRecords, Leaf, Model, Moments, Node, NodeAttributes, NodeRecords, NormalCone, Tree,
+    AlignedRecords, Leaf, Model, Moments, Node, NodeAttributes, NodeRecords, NormalCone,
+    PatchRecords, Tree,
 };
 use glam::Vec3;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// The nodes of each level below `root` down to level `last` (not included), then the children of the last one, which are
 /// leaves where that is the model's last level.
@@ -21,6 +23,18 @@ pub(super) fn levels_below(tree: &Tree, root: u32, last: usize) -> Vec<Range<u32
         levels.push(next);
     }
     levels
+}
+
+/// The records of patches of the nodes from `root` on down to level `last` (not included), in the order of a part of these.
+pub(super) fn patches_below(
+    patches: &PatchRecords,
+    tree: &Tree,
+    root: u32,
+    last: usize,
+) -> Arc<PatchRecords> {
+    let mut levels = levels_below(tree, root, last);
+    levels.pop();
+    Arc::new(patches.of_nodes(levels.into_iter().flatten()))
 }
 
 /// The records of nodes of some levels, numbered anew.

@@ -1,7 +1,7 @@
 //! Reads the pages of a paged file.
 
 use super::format::{
-    CLOSED, COLORS, HEADER, LARGEST_PAGE, PageEntry, PageError, PagedHeader, TRIANGLES,
+    CLOSED, COLORS, HEADER, LARGEST_PAGE, PATCHES, PageEntry, PageError, PagedHeader, TRIANGLES,
 };
 use super::page::{DecodeOptions, DecodedPage, decode};
 use super::source::ByteSource;
@@ -79,6 +79,11 @@ impl PagedFile {
     /// Whether there are colors.
     pub fn has_colors(&self) -> bool {
         self.header.flags & COLORS != 0
+    }
+
+    /// Whether nodes have records of error patches.
+    pub fn has_patches(&self) -> bool {
+        self.header.flags & PATCHES != 0
     }
 
     /// World position of the model-space zero.
@@ -233,6 +238,11 @@ impl PagedFile {
                 return Err(damaged(0, cause.to_owned()));
             }
             page.model.is_closed = self.is_closed();
+        }
+        if page.model.patches.is_some() != self.has_patches() {
+            let cause =
+                "records of patches that the header does not know, or none where it says some";
+            return Err(damaged(4, cause.to_owned()));
         }
         let page = match options.model_origin {
             Some(origin) => page.in_model_space(origin),

@@ -21,6 +21,9 @@ pub const COLORS: u32 = 2;
 /// Bit of the header's flags: leaves are triangles, not points.
 pub const TRIANGLES: u32 = 4;
 
+/// Bit of the header's flags: nodes have records of error patches.
+pub const PATCHES: u32 = 8;
+
 /// Largest page in bytes, so that no entry can ask for much memory.
 pub const LARGEST_PAGE: u32 = 1 << 26;
 /// Most leaves and most vertices of a page.
@@ -39,7 +42,7 @@ pub fn is_paged_file(start: &[u8]) -> bool {
 pub struct PagedHeader {
     pub(super) magic: [u8; 8],
     pub(super) version: u32,
-    /// [`CLOSED`], [`COLORS`], [`TRIANGLES`].
+    /// [`CLOSED`], [`COLORS`], [`TRIANGLES`], [`PATCHES`].
     pub flags: u32,
     /// Bytes of the file.
     pub file_length: u64,
@@ -98,7 +101,9 @@ impl PagedHeader {
             );
             return Err((length.min(self.file_length), cause));
         }
-        if self.flags & !(CLOSED | COLORS | TRIANGLES) != 0 {
+        if self.flags & !(CLOSED | COLORS | TRIANGLES | PATCHES) != 0
+            || self.flags & (TRIANGLES | PATCHES) == PATCHES
+        {
             return Err((12, "unknown flags".to_owned()));
         }
         let numbers = [self.min, self.max, self.orbit_center];

@@ -6,10 +6,12 @@ use super::format::{PageEntry, PageError};
 use super::page::{DecodeOptions, DecodedPage, moved_sphere};
 use crate::progress::Progress;
 use crate::tree::{
-    AlignedRecords, Error, Leaf, Model, Node, NodeAttributes, Tree, fill_moments, links,
+    AlignedRecords, Error, Leaf, Model, Node, NodeAttributes, PatchRecords, Tree, fill_moments,
+    links,
 };
 use glam::Vec3;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Reads all pages and joins their records. Vertices of several pages come once for each.
 ///
@@ -89,6 +91,7 @@ fn join(file: &PagedFile, bands: &[Vec<DecodedPage>]) -> Option<Model> {
     let mut nodes = AlignedRecords::<Node>::of_tree(count);
     let mut attributes = AlignedRecords::<NodeAttributes>::of_tree(count);
     let mut level_starts = vec![0u32];
+    let mut patches = file.has_patches().then(PatchRecords::default);
     let mut at = 0;
     for (index, band) in bands.iter().enumerate() {
         let is_lowest = index + 1 == bands.len();
@@ -101,6 +104,9 @@ fn join(file: &PagedFile, bands: &[Vec<DecodedPage>]) -> Option<Model> {
         for level in 0..levels {
             for page in band {
                 let tree = &page.model.tree;
+                if let (Some(all), Some(own)) = (&mut patches, &page.model.patches) {
+                    all.append(own.of_nodes(tree.level(level)));
+                }
                 for id in tree.level(level) {
                     let mut node = tree.nodes[id as usize];
                     (node.center, node.radius) = moved_sphere(node.center, node.radius, page.base);
@@ -150,6 +156,7 @@ fn join(file: &PagedFile, bands: &[Vec<DecodedPage>]) -> Option<Model> {
         ..Tree::default()
     };
     link(&mut model.tree);
+    model.patches = patches.map(Arc::new);
     // Decoded places are off by a rounding of theirs: the box holds them all.
     for vertex in &model.vertices {
         model.min = model.min.min(vertex.position);

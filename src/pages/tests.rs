@@ -7,7 +7,7 @@ use super::join::whole_model;
 use super::page::{ColorBits, DecodeOptions};
 use super::quantize::TestNumbers;
 use super::source::MemorySource;
-use super::write::{PagedOptions, to_bytes, write};
+use super::write::{PagedOptions, to_bytes, to_bytes_with_patches, write};
 pub(super) use crate::generate::GeneratedShape;
 use crate::generate::{self, ShapeSpec};
 use crate::mesh::Mesh;
@@ -83,6 +83,68 @@ fn a_paged_file_is_clean_and_joins_to_the_same_tree() {
             // The same bytes whatever the threads.
             assert_eq!(to_bytes(&model, &options).unwrap(), bytes);
         }
+    }
+}
+
+#[test]
+fn records_of_patches_are_those_of_what_is_decoded() {
+    // Small pages are leaves of the page above; large ones share levels with it; the last model is one page.
+    for (leaves, page_leaves) in [(4000, 64), (12_000, 1024), (1000, 4096)] {
+        let options = PagedOptions {
+            page_leaves,
+            colors: None,
+        };
+        let mut model = model(GeneratedShape::Statue, leaves, false);
+        // Far from the zero single precision has coarse places.
+        model.origin = DVec3::new(4.0e5, 5.0e6, 100.0);
+        let plain = to_bytes(&model, &options).unwrap();
+        let bytes = to_bytes_with_patches(&model, &options, &Silent).unwrap();
+        let file = opened(bytes.clone()).unwrap();
+        let report = check(&file, &Silent);
+        assert!(report.is_clean(), "{leaves}: {:?}", report.violations);
+        let joined = whole_model(&file, &Silent).unwrap();
+        let mut made = whole_model(&opened(plain.clone()).unwrap(), &Silent).unwrap();
+        assert!(made.patches.is_none());
+        crate::patches::add_records(&mut made, &Silent).unwrap();
+        let records = made.patches.unwrap();
+        assert_eq!(joined.patches.unwrap(), records);
+        assert_eq!(records.records.len(), joined.tree.nodes.len());
+        // 48 bytes a node, some of which are in two pages.
+        let added = bytes.len() - plain.len();
+        let least = 48 * joined.tree.nodes.len();
+        assert!(
+            added >= least && added < least * 11 / 10,
+            "{added} of {least}"
+        );
+    }
+}
+
+/// Each record made thinner or narrower, with right checksums: that of a page alone, and those above it.
+#[test]
+fn records_that_do_not_bound_what_is_below_are_found() {
+    let model = model(GeneratedShape::Sphere, 4000, false);
+    let bytes = to_bytes_with_patches(&model, &SMALL_PAGES, &Silent).unwrap();
+    let places = damage::places(&bytes);
+    for page in [0, places.len() - 1] {
+        let file = opened(bytes.clone()).unwrap();
+        let place = places[page];
+        let decoded = file.read_page(&place, DecodeOptions::default()).unwrap();
+        let patches = decoded.model.patches.unwrap();
+        let mut own = Vec::new();
+        patches.append_to(&mut own);
+        let range = place.offset as usize..place.end() as usize;
+        let at = bytes[range].windows(own.len()).position(|part| part == own);
+        let at = place.offset as usize + at.unwrap();
+        let mut damaged = bytes.clone();
+        for record in damaged[at..at + 36 * patches.records.len()].chunks_exact_mut(36) {
+            // The thickness, see `PackedPatch`.
+            record[20] = record[20].saturating_sub(64);
+        }
+        damage::repair(&mut damaged, &places);
+        let report = check(&opened(damaged).unwrap(), &Silent);
+        let named = report.violations.iter();
+        let named = named.filter(|what| what.contains("from the plane")).count();
+        assert!(named > 0, "page {page}: {:?}", report.violations);
     }
 }
 
@@ -210,10 +272,18 @@ fn vertices_of_several_pages_stay_together() {
 
 #[test]
 fn every_flipped_bit_is_found() {
-    for is_cloud in [false, true] {
-        let bytes = to_bytes(&model(GeneratedShape::Torus, 300, is_cloud), &SMALL_PAGES).unwrap();
+    for (is_cloud, has_patches) in [(false, false), (true, false), (false, true)] {
+        let count = if has_patches { 150 } else { 300 };
+        let model = model(GeneratedShape::Torus, count, is_cloud);
+        let bytes = match has_patches {
+            true => to_bytes_with_patches(&model, &SMALL_PAGES, &Silent),
+            false => to_bytes(&model, &SMALL_PAGES),
+        };
+        let bytes = bytes.unwrap();
         assert!(check(&opened(bytes.clone()).unwrap(), &Silent).is_clean());
-        for bit in 0..bytes.len() * 8 {
+        // Of the larger file every fifth, which is each place of a bit in a byte.
+        let step = if has_patches { 5 } else { 1 };
+        for bit in (0..bytes.len() * 8).step_by(step) {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
             let is_found = match opened(damaged) {
@@ -242,15 +312,21 @@ fn damages_with_right_checksums_neither_panic_nor_leave_the_file() {
         colors: None,
     };
     // The last one's leaf pages share a level with the page above.
-    for (count, is_cloud, pages) in [
-        (260, false, SMALL_PAGES),
-        (260, true, SMALL_PAGES),
-        (900, true, sharing),
+    for (count, is_cloud, pages, has_patches) in [
+        (260, false, SMALL_PAGES, false),
+        (260, true, SMALL_PAGES, false),
+        (260, false, SMALL_PAGES, true),
+        (900, true, sharing, false),
     ] {
-        let bytes = to_bytes(&model(GeneratedShape::Torus, count, is_cloud), &pages).unwrap();
+        let model = model(GeneratedShape::Torus, count, is_cloud);
+        let bytes = match has_patches {
+            true => to_bytes_with_patches(&model, &pages, &Silent),
+            false => to_bytes(&model, &pages),
+        };
+        let bytes = bytes.unwrap();
         let places = damage::places(&bytes);
         assert!(places.len() > 3);
-        for _ in 0..rounds / 3 {
+        for _ in 0..rounds / 4 {
             let damaged = damage::apply(&bytes, &places, &mut numbers);
             let Ok(file) = opened(damaged) else { continue };
             read += 1;
@@ -260,6 +336,9 @@ fn damages_with_right_checksums_neither_panic_nor_leave_the_file() {
                 // A walk over all of it.
                 assert_eq!(model.tree.leaf_range(0).len(), model.tree.leaves.len());
                 let _ = tree::check(&model);
+                if has_patches {
+                    let _ = crate::patches::ResidentPatches::build(&model, &Silent).unwrap();
+                }
             }
         }
     }
@@ -326,7 +405,7 @@ mod damage {
     }
 
     /// Writes the checksums of all pages that lie where they lay into the pages above, as far as those have them there.
-    fn repair(bytes: &mut [u8], places: &[PageEntry]) {
+    pub(super) fn repair(bytes: &mut [u8], places: &[PageEntry]) {
         for entry in places.iter().rev() {
             let own = hash(&bytes[entry.offset as usize..entry.end() as usize]);
             let old = entry.checksum.to_le_bytes();

@@ -1,6 +1,6 @@
 //! The pages above the leaf pages of a file: their nodes, and their directory.
 
-use super::extract::{UpperNodes, UpperPart, levels_below, upper_part, with_tops};
+use super::extract::{UpperNodes, UpperPart, levels_below, patches_below, upper_part, with_tops};
 use super::format::{HEADER, LARGEST_PAGE, PageEntry, PagedHeader};
 use super::page::{
     DecodeOptions, DecodedPage, EncodedPage, UpperCounts, UpperPlace, decode, encode_upper,
@@ -11,7 +11,9 @@ use super::quantize::PageSphere;
 use crate::math::cone::{DirectionCap, sin_around};
 use crate::math::sphere::round_up;
 use crate::tree::file::hash;
-use crate::tree::{Error, Model, Node, NodeAttributes, NodeRecords, NodeStrip, NormalCone, Tree};
+use crate::tree::{
+    Error, Model, Node, NodeAttributes, NodeRecords, NodeStrip, NormalCone, PatchRecords, Tree,
+};
 use glam::DVec3;
 use std::ops::Range;
 
@@ -95,6 +97,8 @@ pub(super) struct LeafPages<'a> {
     pub(super) shared: usize,
     /// The farthest that a vertex was moved.
     pub(super) moved: f64,
+    /// Records of the patches of all nodes of the model.
+    pub(super) patches: Option<&'a PatchRecords>,
 }
 
 /// The rest of a file.
@@ -151,6 +155,7 @@ fn upper_counts(
         leaves: roots.len(),
         pages: roots.len(),
         is_shared: false,
+        patch_bytes: 0,
     };
     let own =
         sizes.and_then(|all| all.get((roots.start - first) as usize..(roots.end - first) as usize));
@@ -207,7 +212,13 @@ fn page_places(
                 Some(&next) => {
                     let root = tree.level(level).start + index as u32;
                     let sizes = (next == leaves.level).then_some(leaves.sizes);
-                    upper_bytes(upper_counts(tree, root, level..next, sizes).0)
+                    let (counts, _) = upper_counts(tree, root, level..next, sizes);
+                    let each =
+                        |own: &PatchRecords| PatchRecords::node_bytes(!own.colors.is_empty());
+                    upper_bytes(UpperCounts {
+                        patch_bytes: leaves.patches.map_or(0, each),
+                        ..counts
+                    })
                 }
             };
             if bytes > LARGEST_PAGE as usize {
@@ -272,7 +283,9 @@ pub(super) fn upper_pages(
                 })?);
             }
             let part = upper_part(model, &upper, root, next);
-            let UpperPart { part, cones } = with_tops(part, &below_tops, shared);
+            let UpperPart { mut part, cones } = with_tops(part, &below_tops, shared);
+            part.patches =
+                (leaves.patches).map(|own| patches_below(own, tree, root, next + shared));
             let place = UpperPlace {
                 entries: &below[range],
                 cones: &cones,

@@ -1,18 +1,24 @@
 //! Makes a paged file of a model in memory.
 
-use super::extract::subtree;
-use super::format::{CLOSED, COLORS, HEADER, MAGIC, PagedHeader, TRIANGLES, VERSION};
+use super::extract::{patches_below, subtree};
+use super::file::PagedFile;
+use super::format::{CLOSED, COLORS, HEADER, MAGIC, PATCHES, PagedHeader, TRIANGLES, VERSION};
+use super::join::whole_model;
 use super::mix_hash::MixMap;
 use super::page::{ColorBits, EncodedPage, PageChoices, encode_leaves};
 use super::page_tops::{PageTop, TopSize, shared_levels};
+use super::source::MemorySource;
 use super::upper::{LeafPageFacts, LeafPages, upper_pages};
+use crate::patches;
+use crate::progress::Progress;
 use crate::tree::file::write_whole;
-use crate::tree::{Error, Model};
+use crate::tree::{Error, Model, PatchRecords};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 /// How a paged file is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,22 +38,29 @@ impl Default for PagedOptions {
     }
 }
 
-/// Writes a model as a paged file; the file appears whole or not at all.
+/// Writes a model as a paged file; the file appears whole or not at all. Records of patches that the model has are left
+/// out: they bound what is not rounded.
 ///
 /// # Errors
 ///
 /// The folder cannot be written to, or the disk is full; more pages than 32 bits can number.
 pub fn write(model: &Model, options: &PagedOptions, path: &Path) -> Result<(), Error> {
-    let parts = encode(model, options)?;
-    write_whole(path, &|file| {
-        let mut out = std::io::BufWriter::new(file);
-        out.write_all(bytemuck::bytes_of(&parts.header))?;
-        parts
-            .pages
-            .iter()
-            .try_for_each(|page| out.write_all(page))?;
-        out.flush()
-    })
+    encode(model, options, None)?.write(path)
+}
+
+/// Writes a surface as a paged file with records of the error patches of all nodes. They are made of the model as it is
+/// decoded, so they bound what is drawn. Memory: the model a second time, and what making the records takes.
+///
+/// # Errors
+///
+/// As [`write`], and cancelled.
+pub fn write_with_patches(
+    model: &Model,
+    options: &PagedOptions,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    encode_with_patches(model, options, progress)?.write(path)
 }
 
 /// The bytes of a paged file.
@@ -56,10 +69,32 @@ pub fn write(model: &Model, options: &PagedOptions, path: &Path) -> Result<(), E
 ///
 /// More pages than 32 bits can number.
 pub fn to_bytes(model: &Model, options: &PagedOptions) -> Result<Vec<u8>, Error> {
-    let parts = encode(model, options)?;
-    let mut bytes = bytemuck::bytes_of(&parts.header).to_vec();
-    parts.pages.iter().for_each(|page| bytes.extend(page));
-    Ok(bytes)
+    Ok(encode(model, options, None)?.bytes())
+}
+
+/// The bytes of a paged file with records of error patches, as [`write_with_patches`] writes it.
+///
+/// # Errors
+///
+/// More pages than 32 bits can number; cancelled.
+pub fn to_bytes_with_patches(
+    model: &Model,
+    options: &PagedOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<u8>, Error> {
+    Ok(encode_with_patches(model, options, progress)?.bytes())
+}
+
+fn encode_with_patches(
+    model: &Model,
+    options: &PagedOptions,
+    progress: &dyn Progress,
+) -> Result<PagedParts, Error> {
+    let bytes = encode(model, options, None)?.bytes();
+    let source = MemorySource::new("the file before it is written", bytes);
+    let mut decoded = whole_model(&PagedFile::open(Arc::new(source))?, progress)?;
+    patches::add_records(&mut decoded, progress)?;
+    encode(model, options, decoded.patches.as_deref())
 }
 
 /// A paged file before it is written, in its order.
@@ -68,10 +103,35 @@ struct PagedParts {
     pages: Vec<Vec<u8>>,
 }
 
-fn encode(model: &Model, options: &PagedOptions) -> Result<PagedParts, Error> {
+impl PagedParts {
+    fn bytes(&self) -> Vec<u8> {
+        let mut bytes = bytemuck::bytes_of(&self.header).to_vec();
+        self.pages.iter().for_each(|page| bytes.extend(page));
+        bytes
+    }
+
+    fn write(&self, path: &Path) -> Result<(), Error> {
+        write_whole(path, &|file| {
+            let mut out = std::io::BufWriter::new(file);
+            out.write_all(bytemuck::bytes_of(&self.header))?;
+            self.pages.iter().try_for_each(|page| out.write_all(page))?;
+            out.flush()
+        })
+    }
+}
+
+/// Makes the pages; with records of patches where those of the decoded model are given.
+fn encode(
+    model: &Model,
+    options: &PagedOptions,
+    patches: Option<&PatchRecords>,
+) -> Result<PagedParts, Error> {
     let tree = &model.tree;
     let is_surface = !model.triangles.is_empty();
-    let header = header_of(model, is_surface);
+    let mut header = header_of(model, is_surface);
+    if patches.is_some() {
+        header.flags |= PATCHES;
+    }
     let mut parts = PagedParts {
         header,
         pages: Vec::new(),
@@ -92,7 +152,8 @@ fn encode(model: &Model, options: &PagedOptions) -> Result<PagedParts, Error> {
         false => tree.level(leaf_level).map(Some).collect(),
     };
     let grid = VertexGrid::new(model, &roots, MixMap::default());
-    let leaf_pages = leaf_pages(model, &roots, &grid, color_bits(options, is_surface));
+    let colors = color_bits(options, is_surface);
+    let leaf_pages = leaf_pages(model, &roots, &grid, (colors, patches));
     let shared = shared_levels(tree.level_count() - leaf_level);
     let found: Vec<(LeafPageFacts, PageTop)> = (leaf_pages.par_iter().zip(&roots))
         .map(|(page, &root)| LeafPageFacts::of(page, model, root, shared))
@@ -111,6 +172,7 @@ fn encode(model: &Model, options: &PagedOptions) -> Result<PagedParts, Error> {
             sizes: &sizes,
             shared,
             moved,
+            patches,
         },
         &mut tops.into_iter(),
         header,
@@ -144,18 +206,24 @@ pub(super) fn header_of(model: &Model, is_surface: bool) -> PagedHeader {
     }
 }
 
-/// The leaf pages below nodes `roots`, with vertices on `grid`.
+/// The leaf pages below nodes `roots`, with vertices on `grid`, and with the records of patches of all nodes where there are
+/// some.
 pub(super) fn leaf_pages(
     model: &Model,
     roots: &[Option<u32>],
     grid: &VertexGrid,
-    colors: ColorBits,
+    (colors, patches): (ColorBits, Option<&PatchRecords>),
 ) -> Vec<EncodedPage> {
     let is_surface = !model.triangles.is_empty();
     (0..roots.len())
         .into_par_iter()
         .map(|index| {
-            let part = subtree(model, roots[index], &grid.positions);
+            let mut part = subtree(model, roots[index], &grid.positions);
+            let own = |all| match roots[index] {
+                Some(root) => patches_below(all, &model.tree, root, model.tree.level_count()),
+                None => Arc::default(),
+            };
+            part.patches = patches.map(own);
             let (base, step) = if is_surface {
                 (grid.base(&part, grid.steps[index]), grid.steps[index])
             } else {

@@ -4,6 +4,7 @@ use super::record::NodePatch;
 use crate::tree::{Model, geometric_normal};
 use glam::{DVec2, Vec2};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Nodes whose records are wrong that are named; the rest are only counted.
 const MOST_NAMED: usize = 8;
@@ -23,9 +24,7 @@ pub fn check_records(model: &Model) -> Vec<String> {
         .into_par_iter()
         .filter_map(|index| {
             let patch = records.record(index, &nodes[index]);
-            // Rounding of the record's own numbers.
-            let room = 1e-6 * f64::from(patch.reach());
-            let cause = violation(model, index as u32, &patch, room)?;
+            let cause = violation(model, index as u32, &patch, room_of(&patch))?;
             Some(format!("patch of node {index}: {cause}"))
         })
         .collect();
@@ -37,16 +36,31 @@ pub fn check_records(model: &Model) -> Vec<String> {
     lines
 }
 
+/// What a record says wrongly of all triangles of a model that lies below its node; `None` where it bounds them.
+pub fn check_record(model: &Model, patch: &NodePatch) -> Option<String> {
+    violation_of(model, 0..model.tree.leaf_count(), patch, room_of(patch))
+}
+
+/// Rounding of the record's own numbers, and of coordinates to single precision.
+fn room_of(patch: &NodePatch) -> f64 {
+    let largest = patch.origin.abs().max_element() + patch.reach();
+    1e-6 * f64::from(patch.reach()) + f64::from(f32::EPSILON * largest)
+}
+
 /// What a record says wrongly of the corners below its node, by more than `room` (model units); `None` where it bounds them,
 /// or is never drawn.
 pub(super) fn violation(model: &Model, node: u32, patch: &NodePatch, room: f64) -> Option<String> {
+    violation_of(model, model.tree.leaf_range(node), patch, room)
+}
+
+fn violation_of(model: &Model, leaves: Range<u32>, patch: &NodePatch, room: f64) -> Option<String> {
     if !patch.may_be_drawn() {
         return None;
     }
     let (normal, axis) = (patch.normal.as_dvec3(), patch.axis.as_dvec3());
     let across = normal.cross(axis);
     let (corners, count) = patch.corners();
-    for leaf in model.tree.leaf_range(node) {
+    for leaf in leaves {
         let positions = model.triangles[leaf as usize].map(|c| model.vertices[c as usize].position);
         let (face, area) = geometric_normal(positions);
         let angle = face.cross(normal).length().atan2(face.dot(normal));

@@ -21,7 +21,7 @@ mod settings;
 mod tests;
 
 pub use build::{FULL_LEVELS, MOST_SHADE_LEVELS, build};
-pub use check::check_records;
+pub use check::{check_record, check_records};
 pub use conditions::PatchConditions;
 pub use cut::{PatchCut, PatchRefusals, PatchSelector, select};
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};

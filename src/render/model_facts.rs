@@ -1,8 +1,8 @@
 //! Facts of what is drawn, found once: of each model, and of several that are drawn together.
 
-use crate::cut::{Cut, ZeroAreaSet};
+use crate::cut::ZeroAreaSet;
 use crate::oriented::resample::SampleBounds;
-use crate::patches::ResidentPatches;
+use crate::patches::{PatchCut, ResidentPatches};
 use crate::progress::{Progress, Silent};
 use crate::tree;
 use crate::tree::{Model, ModelKind};
@@ -32,7 +32,7 @@ pub struct FactedModel<'a> {
     /// Facts of this model.
     pub facts: &'a ModelFacts,
     /// What is drawn of it, where that was chosen beside the frame: of a page of a paged file.
-    pub cut: Option<&'a Cut>,
+    pub cut: Option<&'a PatchCut>,
 }
 
 /// Facts on which a plan rests, of a model or of several that are drawn together; lengths and places in model space.

@@ -4,15 +4,18 @@
 //! (`src/pages/cut.rs`) and tells the loader which pages would make the picture finer. What is not there yet is drawn as the
 //! node that stands for it, so nothing is missing, only coarser.
 
-use crate::cut::{Cut, CutSelector, WholeSphere};
+use crate::cut::{CutSettings, WholeSphere};
 use crate::gpu::Error;
 use crate::math::camera::View;
 use crate::pages::cache::PageCache;
-use crate::pages::cut::{PageCutSelector, PageHiding, PageTests, PagedCut};
+use crate::pages::cut::{
+    PageCutSelector, PageHiding, PageQuestion, PageSelectors, PageTests, PagedCut,
+};
 use crate::pages::file::PagedFile;
 use crate::pages::format::{PageEntry, PageError};
 use crate::pages::loader::{LoaderOptions, PageLoader};
 use crate::pages::page::{DecodeOptions, DecodedPage};
+use crate::patches::PatchCut;
 use crate::progress::Progress;
 use crate::render::cut_key::{CutKey, LARGEST_HIDDEN_PX, cut_settings};
 use crate::render::frame_plan::resolved;
@@ -242,6 +245,12 @@ impl PagedModel {
             });
         }
         let settings = *settings;
+        if settings.drawn_patches().is_some() && !self.file.has_patches() {
+            return Err(Error::Unsupported {
+                what: "error patches of this paged file",
+                why: "its pages have no records of them; leave --error out, or build the file with --paged --patches".into(),
+            });
+        }
         self.take_pages();
         let is_inside = |view: &View| {
             view.is_perspective && self.facts.is_closed && surrounds(&self.stand_in, view.eye)
@@ -310,32 +319,50 @@ impl PagedModel {
         let cut_settings = cut_settings(settings, self.facts);
         let known = &self.known;
         let alone = key.without_hiding();
-        let choose = |selector: &mut CutSelector,
-                      id: u32,
-                      page: &DecodedPage,
-                      cut: &mut Cut,
-                      hiding: Option<PageHiding<'_>>| {
-            let own = known.get(&id);
-            let Some(own) = own else { return };
-            let undrawn = || own.facts.undrawn(&page.model);
-            match hiding {
-                Some(PageHiding {
-                    depth,
-                    tests,
-                    marks,
-                }) => {
-                    let depth = (depth, undrawn());
-                    selector.select_part(&page.model, tests, depth, (cut, marks));
+        let rules = settings.drawn_patches();
+        let choose =
+            |selectors: &mut PageSelectors, asked: PageQuestion<'_>, cut: &mut PatchCut| {
+                let Some(own) = known.get(&asked.id) else {
+                    return;
+                };
+                let model = &asked.page.model;
+                let cull_back = cut_settings.cull_back && !asked.keeps_back;
+                if let Some(rules) = &rules {
+                    let conditions = own.facts.patches(model).conditions(rules.is_strict);
+                    let mut by_error = alone.by_error(rules);
+                    by_error.cut.cull_back = cull_back;
+                    let selector = &mut selectors.by_error;
+                    return selector.select(model, conditions, alone.view(), &by_error, cut);
                 }
-                None => alone.select(selector, &page.model, undrawn, cut),
-            }
-        };
+                let (selector, cut) = (&mut selectors.by_size, &mut cut.rest);
+                if asked.keeps_back {
+                    let both_sides = CutSettings {
+                        cull_back,
+                        ..cut_settings
+                    };
+                    return selector.select(model, alone.view(), &both_sides, cut);
+                }
+                let undrawn = || own.facts.undrawn(model);
+                match asked.hiding {
+                    Some(PageHiding {
+                        depth,
+                        tests,
+                        marks,
+                    }) => {
+                        let depth = (depth, undrawn());
+                        selector.select_part(model, tests, depth, (cut, marks));
+                    }
+                    None => alone.select(selector, model, undrawn, cut),
+                }
+            };
         let whole = WholeSphere::of(&self.stand_in);
         let tests = PageTests {
             view: key.view(),
             settings: &cut_settings,
             choose: &choose,
-            hides: key.hiding().map(|footprints| (footprints, whole)),
+            hides: (key.hiding())
+                .filter(|_| rules.is_none())
+                .map(|footprints| (footprints, whole)),
         };
         self.cut = self.selector.select(self.file.root(), &self.cache, tests);
         self.cache.begin_frame(&self.cut.needed);

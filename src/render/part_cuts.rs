@@ -57,7 +57,7 @@ impl PartCuts {
         }
         for (part, cut) in parts.iter().zip(&mut self.cuts) {
             if let Some(chosen) = part.cut {
-                cut.clone_from(chosen);
+                cut.clone_from(&chosen.rest);
                 continue;
             }
             let undrawn = || part.facts.undrawn(part.model);
@@ -65,7 +65,7 @@ impl PartCuts {
         }
     }
 
-    /// Chooses cuts by error.
+    /// Chooses cuts by error, or takes those that were chosen beside the frame.
     fn select_by_error(
         &mut self,
         parts: DrawnParts<'_>,
@@ -75,6 +75,11 @@ impl PartCuts {
         self.patches.resize_with(self.count, PatchCut::default);
         let own = self.cuts.iter_mut().zip(&mut self.patches);
         for (part, (cut, patches)) in parts.iter().zip(own) {
+            if let Some(chosen) = part.cut {
+                patches.clone_from(chosen);
+                std::mem::swap(cut, &mut patches.rest);
+                continue;
+            }
             let key = key_of(part);
             let conditions = part.facts.patches(part.model).conditions(rules.is_strict);
             let settings = key.by_error(rules);

@@ -4,7 +4,7 @@ use crate::cut::SizeMetric;
 use crate::gpu::Error;
 use crate::pack::splats::Plan;
 use crate::pack::{ColorBy, Footprint, ids};
-use crate::render::model_facts::{DrawnFacts, DrawnParts};
+use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::technique::Technique;
 use crate::render::{
     AmbientOcclusion, Blend, EyeDome, Method, Path, PictureOutputs, Settings, Shading, SplatKind,
@@ -178,14 +178,14 @@ fn check_patches(settings: &Settings) -> Result<(), Error> {
 
 /// Refuses by name what of a model cannot be drawn as patches of a cut by error.
 pub(crate) fn check_patches_of(settings: &Settings, parts: DrawnParts<'_>) -> Result<(), Error> {
-    let facts = parts.facts();
+    // Pages that stand for others are points meanwhile.
+    let is_cloud =
+        |part: FactedModel<'_>| part.cut.is_none() && part.facts.drawn().kind.is_points();
     let why = if settings.drawn_patches().is_none() {
         return Ok(());
-    } else if parts.iter().any(|part| part.cut.is_some()) {
-        "pages of a paged file have no records of nodes; leave --error out"
-    } else if facts.has_textures {
+    } else if parts.facts().has_textures {
         "they show no images on surfaces; leave --error out"
-    } else if facts.kind.is_points() {
+    } else if parts.iter().any(is_cloud) {
         "only surfaces of triangles have patches; leave --error out"
     } else {
         return Ok(());

@@ -70,4 +70,49 @@ impl PatchRecords {
     pub fn bytes(&self) -> usize {
         size_of_val(&self.records[..]) + size_of_val(&self.colors[..])
     }
+
+    /// Bytes of a node's record.
+    pub(crate) fn node_bytes(has_colors: bool) -> usize {
+        let colors = if has_colors {
+            size_of::<PackedPatchColors>()
+        } else {
+            0
+        };
+        size_of::<PackedPatch>() + colors
+    }
+
+    /// Records of some nodes, in the order of their ids as given.
+    pub(crate) fn of_nodes(&self, ids: impl Iterator<Item = u32> + Clone) -> Self {
+        let colored = ids.clone().filter(|_| !self.colors.is_empty());
+        Self {
+            records: ids.map(|id| self.records[id as usize]).collect(),
+            colors: colored.map(|id| self.colors[id as usize]).collect(),
+        }
+    }
+
+    /// Appends the records of further nodes.
+    pub(crate) fn append(&mut self, more: Self) {
+        self.records.extend(more.records);
+        self.colors.extend(more.colors);
+    }
+
+    /// Appends the records as bytes: first all records, then all colors.
+    pub(crate) fn append_to(&self, bytes: &mut Vec<u8>) {
+        bytes.extend(bytemuck::cast_slice::<_, u8>(&self.records));
+        bytes.extend(bytemuck::cast_slice::<_, u8>(&self.colors));
+    }
+
+    /// Records of `count` nodes from bytes that [`PatchRecords::append_to`] wrote; with colors where there are bytes for them.
+    pub(crate) fn of_bytes(bytes: &[u8], count: usize) -> Self {
+        let (records, colors) = bytes.split_at((count * size_of::<PackedPatch>()).min(bytes.len()));
+        Self {
+            records: all_of(records),
+            colors: all_of(colors),
+        }
+    }
+}
+
+fn all_of<T: Pod>(bytes: &[u8]) -> Vec<T> {
+    let each = bytes.chunks_exact(size_of::<T>());
+    each.map(bytemuck::pod_read_unaligned).collect()
 }

@@ -52,6 +52,7 @@ impl FilledPages {
         let mut header = header_of(&model, is_surface);
         (header.leaf_count, header.node_count) = (report.leaves, report.nodes);
         let leaves = LeafPages {
+            patches: None,
             level: leaf_level,
             pages: &self.pages,
             sizes: &sizes,

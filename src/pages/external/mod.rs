@@ -510,7 +510,7 @@ impl ExternalBuild<'_> {
             let (model, evidence) = build_part(mesh, work.skeleton.place(), &Silent)?;
             let roots: Vec<Option<u32>> = model.tree.level(level).map(Some).collect();
             let grid = VertexGrid::new(&model, &roots, steps);
-            let pages: Vec<EncodedPage> = leaf_pages(&model, &roots, &grid, colors);
+            let pages: Vec<EncodedPage> = leaf_pages(&model, &roots, &grid, (colors, None));
             let found: Vec<(LeafPageFacts, PageTop)> = (pages.par_iter().zip(&roots))
                 .map(|(page, &root)| LeafPageFacts::of(page, &model, root, shared))
                 .collect::<Result<_, Error>>()?;

@@ -19,9 +19,10 @@ pub(super) use upper::{UpperCounts, UpperPlace, encode_upper, upper_bytes};
 
 use super::format::{MOST_LEAVES, MOST_LEVELS};
 use super::quantize::PageSphere;
-use crate::tree::{Leaf, Model, NormalCone, Tree, fill_moments};
+use crate::tree::{Leaf, Model, NormalCone, PatchRecords, Tree, fill_moments};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// Bits of a color in a leaf.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -115,7 +116,9 @@ impl DecodedPage {
             .children
             .as_ref()
             .map_or(0, |below| below.entries.len() * 32 + below.owners.len() * 4);
-        self.model.memory_bytes().total() + children as u64 + size_of::<Self>() as u64
+        // What drawing makes of each record is some five times as large (`ResidentPatches`).
+        let patches = (self.model.patches.as_ref()).map_or(0, |own| own.records.len() * (36 + 184));
+        self.model.memory_bytes().total() + (children + patches + size_of::<Self>()) as u64
     }
 }
 
@@ -137,6 +140,8 @@ mod flag {
     pub(super) const ALL_COLORS: u32 = 2;
     /// Some nodes have capsules thinner than their sphere.
     pub(super) const STRIPS: u32 = 4;
+    /// Nodes have records of error patches, the last section.
+    pub(super) const PATCHES: u32 = 8;
 }
 
 /// The beginning of a leaf page.
@@ -165,7 +170,7 @@ impl LeafPageHeader {
         let start = start.ok_or_else(|| (bytes.len(), "ends within its header".to_owned()))?;
         let header: Self = bytemuck::pod_read_unaligned(start);
         let wrong = |at: usize, cause: &str| Err((at, cause.to_owned()));
-        let known = flag::FEW_COLORS | flag::ALL_COLORS | flag::STRIPS;
+        let known = flag::FEW_COLORS | flag::ALL_COLORS | flag::STRIPS | flag::PATCHES;
         let both = flag::FEW_COLORS | flag::ALL_COLORS;
         if header.flags & !known != 0 || header.flags & both == both {
             return wrong(4, "unknown flags");
@@ -226,6 +231,17 @@ impl<'a> PageSections<'a> {
         let section = section.ok_or_else(|| (self.at, format!("ends within its {what}")))?;
         self.at = end;
         Ok(section)
+    }
+
+    /// Records of the patches of so many nodes.
+    fn patches(
+        &mut self,
+        nodes: usize,
+        has_colors: bool,
+    ) -> Result<Option<Arc<PatchRecords>>, PageFault> {
+        let count = nodes * PatchRecords::node_bytes(has_colors);
+        let bytes = self.take(count, "records of patches")?;
+        Ok(Some(Arc::new(PatchRecords::of_bytes(bytes, nodes))))
     }
 
     fn end(&self) -> Result<(), PageFault> {

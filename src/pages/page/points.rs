@@ -226,7 +226,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     let leaf_count = header.leaf_count as usize;
     if header.vertex_count != header.leaf_count
         || header.step != 0.0
-        || header.flags & flag::STRIPS != 0
+        || header.flags & (flag::STRIPS | flag::PATCHES) != 0
     {
         return Err((12, "points that are no leaves".to_owned()));
     }

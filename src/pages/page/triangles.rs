@@ -94,7 +94,13 @@ pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
     };
     let header = LeafPageHeader {
         kind: kind::TRIANGLES,
-        flags: colors | if has_strips { flag::STRIPS } else { 0 },
+        flags: colors
+            | if has_strips { flag::STRIPS } else { 0 }
+            | if part.patches.is_some() {
+                flag::PATCHES
+            } else {
+                0
+            },
         leaf_count: leaves.len() as u32,
         vertex_count: places.len() as u32,
         node_count: tree.nodes.len() as u32,
@@ -133,6 +139,9 @@ pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
     }
     let indices = part.triangles.iter().flatten().copied();
     bits::pack(indices, bits::bits_below(places.len()), &mut bytes);
+    if let Some(patches) = &part.patches {
+        patches.append_to(&mut bytes);
+    }
     EncodedPage {
         bytes,
         root: in_model_space(root, base),
@@ -272,6 +281,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     let index_bits = bits::bits_below(vertex_count);
     let indices_at = sections.at;
     let indices = sections.take(bits::packed_bytes(leaf_count * 3, index_bits), "corners")?;
+    let patches = match header.flags & flag::PATCHES {
+        0 => None,
+        _ => sections.patches(node_count, header.has_colors())?,
+    };
     sections.end()?;
     if !bits::is_filled_with_zeros(indices, leaf_count * 3, index_bits) {
         return Err((indices_at, "corners of no triangle".to_owned()));
@@ -361,6 +374,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
             triangles,
             tree,
             has_colors: header.has_colors(),
+            patches,
             ..Model::default()
         },
         base: DVec3::from_array(header.base),

@@ -14,6 +14,8 @@ use glam::DVec3;
 
 const LEAF_PAGES: u32 = 1;
 const COLORS: u32 = 2;
+/// Nodes have records of error patches, before the directory.
+const PATCHES: u32 = 4;
 /// Place of the number of levels that the pages below have as well.
 const SHARED_SHIFT: u32 = 8;
 const SHARED: u32 = 0xff << SHARED_SHIFT;
@@ -84,12 +86,13 @@ pub(in crate::pages) fn upper_bytes(counts: UpperCounts) -> usize {
         leaves,
         pages,
         is_shared,
+        patch_bytes,
     } = counts;
     let directory = match is_shared {
         false => leaves * CHILD,
         true => leaves * SHARED_LEAF + pages * SHARING,
     };
-    HEADER + nodes * NODE + leaves * size_of::<Leaf>() + directory
+    HEADER + nodes * (NODE + patch_bytes) + leaves * size_of::<Leaf>() + directory
 }
 
 /// Numbers of records of an upper page.
@@ -100,6 +103,8 @@ pub(in crate::pages) struct UpperCounts {
     /// Pages below: as many as leaves unless levels are shared.
     pub(in crate::pages) pages: usize,
     pub(in crate::pages) is_shared: bool,
+    /// Bytes of the record of an error patch of each node; 0 where there are none.
+    pub(in crate::pages) patch_bytes: usize,
 }
 
 /// Where the pages below an upper page lie.
@@ -119,6 +124,7 @@ pub(in crate::pages) fn encode_upper(part: &Model, place: &UpperPlace<'_>) -> Ve
         kind: kind::UPPER,
         flags: if place.are_leaf_pages { LEAF_PAGES } else { 0 }
             | if part.has_colors { COLORS } else { 0 }
+            | if part.patches.is_some() { PATCHES } else { 0 }
             | (place.shared_levels as u32) << SHARED_SHIFT & SHARED,
         leaf_count: tree.leaves.len() as u32,
         node_count: tree.nodes.len() as u32,
@@ -131,6 +137,9 @@ pub(in crate::pages) fn encode_upper(part: &Model, place: &UpperPlace<'_>) -> Ve
     bytes.extend(bytemuck::cast_slice::<_, u8>(&tree.attributes));
     bytes.extend(bytemuck::cast_slice::<_, u8>(&tree.moments));
     bytes.extend(bytemuck::cast_slice::<_, u8>(&tree.leaves));
+    if let Some(patches) = &part.patches {
+        patches.append_to(&mut bytes);
+    }
     if place.shared_levels > 0 {
         for (cone, vertex) in place.cones.iter().zip(&part.vertices) {
             bytes.extend(bytemuck::bytes_of(&SharedLeaf {
@@ -174,7 +183,7 @@ pub(super) fn decode(bytes: &[u8], origin: DVec3) -> Result<DecodedPage, PageFau
     let mut sections = PageSections { bytes, at: 0 };
     let header: UpperPageHeader = bytemuck::pod_read_unaligned(sections.take(HEADER, "header")?);
     let wrong = |at: usize, cause: &str| (at, cause.to_owned());
-    if header.flags & !(LEAF_PAGES | COLORS | SHARED) != 0 {
+    if header.flags & !(LEAF_PAGES | COLORS | PATCHES | SHARED) != 0 {
         return Err(wrong(4, "unknown flags"));
     }
     let (node_count, leaf_count) = (header.node_count as usize, header.leaf_count as usize);
@@ -201,6 +210,11 @@ pub(super) fn decode(bytes: &[u8], origin: DVec3) -> Result<DecodedPage, PageFau
     let moments = records(sections.take(node_count * size_of::<Moments>(), "moments")?).collect();
     let leaves: AlignedRecords<Leaf> =
         records(sections.take(leaf_count * size_of::<Leaf>(), "leaves")?).collect();
+    let has_colors = header.flags & COLORS != 0;
+    let patches = match header.flags & PATCHES {
+        0 => None,
+        _ => sections.patches(node_count, has_colors)?,
+    };
     let directory_at = sections.at;
     let directory = &bytes[directory_at..];
     // Levels follow from the nodes: each is as long as the children of the one above.
@@ -239,7 +253,8 @@ pub(super) fn decode(bytes: &[u8], origin: DVec3) -> Result<DecodedPage, PageFau
     let mut page = DecodedPage {
         model: Model {
             tree,
-            has_colors: header.flags & COLORS != 0,
+            has_colors,
+            patches,
             ..Model::default()
         },
         base: DVec3::ZERO,

@@ -169,7 +169,7 @@ impl DeviceScene {
     ) -> Result<(), Error> {
         let mut is_new = false;
         for (part, facts) in pages {
-            let has_triangles = part.cut.is_some_and(|cut| !cut.triangles.is_empty());
+            let has_triangles = part.cut.is_some_and(|cut| !cut.rest.triangles.is_empty());
             if has_triangles && !self.held.contains_key(&facts.id()) {
                 is_new = true;
                 let page = HeldPage {
