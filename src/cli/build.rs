@@ -29,8 +29,8 @@ pub(crate) struct Args {
     /// Write the paged kind: a fifth of the bytes, positions and normals rounded
     #[arg(long)]
     paged: bool,
-    /// Keep what --error needs beside the tree, so that no start computes it: 16 bytes a triangle, with colors 21, and some
-    /// seconds a million triangles
+    /// Keep what --error needs beside the tree, so that no start computes it: 16 bytes a triangle, with colors 21, paged 3 to 8,
+    /// and some seconds a million triangles
     #[arg(long, conflicts_with = "memory")]
     patches: bool,
     /// Leaves of a page at most, 16 to 16384: small pages bring less that is not needed, large ones take fewer bytes

@@ -8,6 +8,7 @@ use std::fmt::Write;
 use surfel::OpenedModel;
 use surfel::input::FilePart;
 use surfel::mesh::placement::MeshPlacement;
+use surfel::pages::file::PagedFile;
 use surfel::photos::formats::locate_scene;
 
 /// Say what is in a model file, or in a scene of photographs.
@@ -54,7 +55,7 @@ pub(crate) fn facts(ready: &OpenedModel) -> serde_json::Value {
             "bytes": memory.tree(),
         },
         "memory_bytes": memory,
-        "patch_bytes": m.patches.as_ref().map(|patches| patches.bytes()),
+        "patch_bytes": m.patches.as_ref().filter(|_| ready.paged.is_none()).map(|patches| patches.bytes()),
         "parts": ready.parts.iter().map(part).collect::<Vec<_>>(),
         "remarks": ready.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "load_ms": ready.load_ms,
@@ -76,6 +77,7 @@ pub(crate) fn facts(ready: &OpenedModel) -> serde_json::Value {
             "interior_nodes": header.node_count,
             "leaves": leaves,
             "pages": header.page_count,
+            "has_patches": file.has_patches(),
         });
     }
     facts
@@ -210,7 +212,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             tree_bytes as f64 / leaves
         );
     }
-    if let Some(patches) = &m.patches {
+    if ready.paged.as_ref().is_some_and(PagedFile::has_patches) {
+        let _ = writeln!(
+            out,
+            "  error patches: records of all nodes but the lowest, in the pages"
+        );
+    } else if let Some(patches) = &m.patches {
         let of_patches = patches.bytes() as u64;
         let _ = writeln!(
             out,

@@ -7,7 +7,6 @@
 use super::footprint::{self, SIGNS, TURNS};
 use super::record::{NodePatch, NodePatches, RESIDUAL_LEVELS};
 use crate::tree::{Model, Node, PackedPatch, PackedPatchColors, PatchRecords};
-use bytemuck::Zeroable;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -139,16 +138,6 @@ impl PatchRecords {
 }
 
 impl PackedPatch {
-    const NEVER: u8 = NodePatch::NEVER;
-
-    /// A node that never is a patch.
-    fn never() -> Self {
-        Self {
-            residuals_and_flags: [0, 0, Self::NEVER << 4],
-            ..Self::zeroed()
-        }
-    }
-
     /// Packs the record of a node. The plane's normal must be of the builder.
     pub fn new(node: &Node, patch: &NodePatch) -> Self {
         let m = patch.mean_normal;

@@ -4,6 +4,7 @@
 //! the thickness from the plane; so does every point of a triangle between, since both are convex. What a view makes of these
 //! bounds stands in [`crate::patches::cut`] and [`crate::patches::draw`].
 
+use crate::tree::PackedPatch;
 use glam::{Vec2, Vec3};
 
 /// Most corners of a footprint.
@@ -87,7 +88,7 @@ impl Default for NodePatch {
 
 impl NodePatch {
     /// Bit of `flags`: no view draws this node as a patch; its other values mean nothing.
-    pub const NEVER: u8 = 1;
+    pub const NEVER: u8 = PackedPatch::NEVER;
     /// Bit of `flags`: an edge of a triangle below has no second triangle, or more than two.
     pub const OPEN_EDGE: u8 = 2;
     /// Bit of `flags`: an edge of a triangle below is sharper than 30 degrees.

@@ -40,6 +40,19 @@ pub struct PackedPatch {
     pub(crate) half_angle: u8,
 }
 
+impl PackedPatch {
+    /// Bit of the flags: the node never is a patch; nothing else of it means anything.
+    pub(crate) const NEVER: u8 = 1;
+
+    /// A node that never is a patch.
+    pub(crate) fn never() -> Self {
+        Self {
+            residuals_and_flags: [0, 0, Self::NEVER << 4],
+            ..Self::zeroed()
+        }
+    }
+}
+
 /// Colors of the polygon of a node in 12 bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
@@ -109,6 +122,16 @@ impl PatchRecords {
             records: all_of(records),
             colors: all_of(colors),
         }
+    }
+
+    /// The same records, and behind them nodes that never are patches, so that there is one for each of `count` nodes.
+    #[must_use]
+    pub(crate) fn filled(mut self, count: usize) -> Self {
+        if !self.colors.is_empty() {
+            self.colors.resize(count, PackedPatchColors::zeroed());
+        }
+        self.records.resize(count, PackedPatch::never());
+        self
     }
 }
 

@@ -32,4 +32,37 @@ fn records_of_patches_stay_in_the_tree_file() {
     let run = expect(at, 2, "build points.xyz -o p.surfel --patches -q");
     assert!(run.err.contains("only surfaces"), "{}", run.err);
     expect(at, 2, "build points.xyz -o p.surfel --patches --paged");
+    expect(
+        at,
+        2,
+        "build generate:statue:3000 -o p.surfel --patches --memory 1GiB",
+    );
+}
+
+#[test]
+fn pages_keep_them_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let statue = "generate:statue:3000";
+    for (name, words) in [("with", "--paged --patches"), ("without", "--paged")] {
+        let line = format!("build {statue} -o {name}.surfel --page-leaves 256 {words} -q");
+        expect(at, 0, &line);
+    }
+    let has_patches = |name: &str| {
+        let facts = expect(at, 0, &format!("info {name}.surfel --json")).json();
+        assert!(facts["patch_bytes"].is_null());
+        facts["tree"]["has_patches"].as_bool()
+    };
+    assert_eq!(has_patches("with"), Some(true));
+    assert_eq!(has_patches("without"), Some(false));
+    let checked = expect(at, 0, "check with.surfel").text();
+    assert!(checked.contains("clean"), "{checked}");
+    let words = "--error 0.15,0.25,24 --backend cpu --samples 1 --size 90x90 -o p.png -q";
+    expect(at, 0, &format!("render with.surfel {words}"));
+    let refused = expect(at, 2, &format!("render without.surfel {words}"));
+    assert!(refused.err.contains("--paged --patches"), "{}", refused.err);
+    // What was kept is kept again.
+    expect(at, 0, "build with.surfel -o whole.surfel -q");
+    expect(at, 0, "build whole.surfel -o again.surfel --paged -q");
+    assert_eq!(has_patches("again"), Some(true));
 }

@@ -266,7 +266,8 @@ fn by_error_it_is_the_cut_of_the_whole_tree_too() {
             let expected_patches: BTreeSet<u32> = expected.patches.iter().copied().collect();
             let off = patches.symmetric_difference(&expected_patches).count();
             let count = expected_patches.len();
-            assert!(count > 100, "{fill}: {count} patches");
+            // From near the lowest nodes are too large, which have no records.
+            assert!(count > 100 || fill > 1.0, "{fill}: {count} patches");
             // Pages have zeros of their own: what is at a limit may be rounded to the other side.
             assert!(off <= count / 500 + 4, "{fill}: {off} of {count}");
             let triangles = in_joined(&found, &known, &joined)[2].len();

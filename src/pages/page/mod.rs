@@ -22,7 +22,6 @@ use super::quantize::PageSphere;
 use crate::tree::{Leaf, Model, NormalCone, PatchRecords, Tree, fill_moments};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
-use std::sync::Arc;
 
 /// Bits of a color in a leaf.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -234,14 +233,10 @@ impl<'a> PageSections<'a> {
     }
 
     /// Records of the patches of so many nodes.
-    fn patches(
-        &mut self,
-        nodes: usize,
-        has_colors: bool,
-    ) -> Result<Option<Arc<PatchRecords>>, PageFault> {
+    fn patches(&mut self, nodes: usize, has_colors: bool) -> Result<PatchRecords, PageFault> {
         let count = nodes * PatchRecords::node_bytes(has_colors);
         let bytes = self.take(count, "records of patches")?;
-        Ok(Some(Arc::new(PatchRecords::of_bytes(bytes, nodes))))
+        Ok(PatchRecords::of_bytes(bytes, nodes))
     }
 
     fn end(&self) -> Result<(), PageFault> {

@@ -19,6 +19,7 @@ use crate::pages::quantize::{
 use crate::tree::{Leaf, Model, Node, NodeStrip, Tree, geometric_normal};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// Bytes of a capsule.
 const STRIP: usize = 4;
@@ -140,11 +141,20 @@ pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
     let indices = part.triangles.iter().flatten().copied();
     bits::pack(indices, bits::bits_below(places.len()), &mut bytes);
     if let Some(patches) = &part.patches {
-        patches.append_to(&mut bytes);
+        let recorded = 0..recorded_nodes(tree) as u32;
+        patches.of_nodes(recorded).append_to(&mut bytes);
     }
     EncodedPage {
         bytes,
         root: in_model_space(root, base),
+    }
+}
+
+/// Number of nodes with records of patches: all but those of the last level. Their triangles are a few, and as exact.
+pub(in crate::pages) fn recorded_nodes(tree: &Tree) -> usize {
+    match *tree.level_starts.as_slice() {
+        [.., last, _] => last as usize,
+        _ => 0,
     }
 }
 
@@ -281,10 +291,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     let index_bits = bits::bits_below(vertex_count);
     let indices_at = sections.at;
     let indices = sections.take(bits::packed_bytes(leaf_count * 3, index_bits), "corners")?;
-    let patches = match header.flags & flag::PATCHES {
-        0 => None,
-        _ => sections.patches(node_count, header.has_colors())?,
-    };
+    let patches_at = sections.at;
+    if header.flags & flag::PATCHES != 0 {
+        // Their number follows from the tree.
+        sections.at = bytes.len();
+    }
     sections.end()?;
     if !bits::is_filled_with_zeros(indices, leaf_count * 3, index_bits) {
         return Err((indices_at, "corners of no triangle".to_owned()));
@@ -295,6 +306,13 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
         (leaf_count, header.level_count as usize),
     )?;
     nodes::decode_cones(words, &mut tree);
+    let mut patches = None;
+    if header.flags & flag::PATCHES != 0 {
+        sections.at = patches_at;
+        let own = sections.patches(recorded_nodes(&tree), header.has_colors())?;
+        sections.end()?;
+        patches = Some(Arc::new(own.filled(node_count)));
+    }
 
     let table = packed_normals();
     let mut any_normal = false;

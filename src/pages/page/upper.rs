@@ -11,6 +11,7 @@ use crate::tree::{
 };
 use bytemuck::{AnyBitPattern, Pod, Zeroable};
 use glam::DVec3;
+use std::sync::Arc;
 
 const LEAF_PAGES: u32 = 1;
 const COLORS: u32 = 2;
@@ -213,7 +214,7 @@ pub(super) fn decode(bytes: &[u8], origin: DVec3) -> Result<DecodedPage, PageFau
     let has_colors = header.flags & COLORS != 0;
     let patches = match header.flags & PATCHES {
         0 => None,
-        _ => sections.patches(node_count, has_colors)?,
+        _ => Some(Arc::new(sections.patches(node_count, has_colors)?)),
     };
     let directory_at = sections.at;
     let directory = &bytes[directory_at..];
