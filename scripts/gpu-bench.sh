@@ -13,6 +13,7 @@
 #   SURFEL         the program (default: surfel beside this script, target/release/surfel, or the one on the search path)
 #   SURFEL_MODELS  a folder with thesis/dragon_vrip.ply.gz, for the case of the dragon; without it that case is left out
 #   SURFEL_PICTURE the model of the pictures (default: generate:statue:400000); empty for none
+#   SURFEL_PICTURE_SIZE their size in pixels (default: 400x400)
 #   SURFEL_BESIDE  what they are compared with: mirror, or another device as --device has it (default: mirror)
 #
 # Exit status: 0 measured (figures may miss their targets), 1 the run failed or a picture is another one, 2 bad usage or no program.
@@ -85,6 +86,7 @@ done
 model=${SURFEL_PICTURE-generate:statue:400000}
 [ -n "$model" ] || exit 0
 beside=${SURFEL_BESIDE:-mirror}
+size=${SURFEL_PICTURE_SIZE:-400x400}
 pictures=$folder/pictures
 mkdir -p "$pictures" || exit 2
 
@@ -95,7 +97,7 @@ render() {
     shift 2
     # In the light of measurements, unless there is a lamp.
     case " $* " in *" --light "*) ;; *) set -- --light headlight "$@" ;; esac
-    "$program" render "$model" -o "$file" --orbit 30,20,1 --size 400x400 --samples 16 --ambient-occlusion off --quiet \
+    "$program" render "$model" -o "$file" --orbit 30,20,1 --size "$size" --samples 16 --ambient-occlusion off --quiet \
         ${on:+--device "$on"} "$@" >/dev/null
 }
 

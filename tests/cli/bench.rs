@@ -266,6 +266,7 @@ fn the_script_needs_the_program_alone() {
             .env("SURFEL", program)
             .env("SURFEL_CACHE", folder.path().join("cache"))
             .env("SURFEL_PICTURE", picture)
+            .env("SURFEL_PICTURE_SIZE", "120x120")
             .env_remove("SURFEL_BESIDE")
             .env_remove("SURFEL_MODELS")
             .output()
