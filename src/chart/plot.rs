@@ -108,6 +108,9 @@ fn color(choice: &DrawConfiguration) -> &'static str {
     if choice.method == Method::Triangles {
         return "#000000";
     }
+    if choice.has_patches {
+        return "#5e3c99";
+    }
     match choice.splat {
         SplatKind::Square => "#0072b2",
         SplatKind::Disc => "#56b4e9",
