@@ -164,12 +164,13 @@ fn a_device_draws_pages_as_the_reference_does() {
     }
 }
 
-/// As [`paged`], with records of error patches.
+/// Makes a file with records of error patches, in small pages.
 fn paged_with_patches(model: &Model) -> PagedFile {
     let bytes = to_bytes_with_patches(model, &SMALL_PAGES, &Silent).unwrap();
     PagedFile::open(Arc::new(MemorySource::new("t.surfel", bytes))).unwrap()
 }
 
+/// Settings that draw patches within a tolerance, squares of a pixel beside them.
 fn by_error(path: Path, tolerance_px: f32) -> Settings {
     Settings {
         path,

@@ -60,7 +60,7 @@ struct ExpectedPage {
 /// * each decoded triangle lies in the decoded spheres of all nodes above it in its page, each point's ball meets them (the
 ///   true one, which it holds, lies in them), and the page's root lies in the leaf that stands for it;
 /// * a cone holds the normals of the triangles below, a splat reaches their corners;
-/// * the record of an error patch bounds the triangles below its node in its page;
+/// * the record of an error patch bounds all triangles below its node, in its page and in the pages below;
 /// * the counts are those of the header.
 ///
 /// A page that cannot be read is one violation; what is below it is not looked at.

@@ -57,25 +57,25 @@ pub struct PagedCut {
 /// Chooses the cut of one page's model: told selectors, what is asked, and where the cut goes.
 pub type PageChoice<'a> = dyn Fn(&mut PageSelectors, PageQuestion<'_>, &mut PatchCut) + Sync + 'a;
 
-/// What is asked of one page.
+/// Question about one page: what of it is drawn.
 #[derive(Debug)]
 pub struct PageQuestion<'a> {
     /// The page's number.
     pub id: u32,
     /// The page.
     pub page: &'a DecodedPage,
-    /// Whether what faces away is kept, and nothing hides anything.
+    /// Keeps what faces away, and lets nothing hide anything.
     pub keeps_back: bool,
-    /// What is needed where pages hide each other.
+    /// Depths and tests of pages that hide each other; `None` where they do not.
     pub hiding: Option<PageHiding<'a>>,
 }
 
-/// What a thread cuts pages with.
+/// Selectors with which a thread cuts pages.
 #[derive(Debug)]
 pub struct PageSelectors {
-    /// By the size of nodes.
+    /// Selector by the size of nodes.
     pub by_size: CutSelector,
-    /// By their errors as patches.
+    /// Selector by their errors as patches.
     pub by_error: PatchSelector,
 }
 
@@ -164,7 +164,7 @@ impl PageVerdict {
 /// Cuts over pages, and keeps its working memory from one to the next.
 #[derive(Debug)]
 pub struct PageCutSelector {
-    /// Some for each thread. Pages are small: many are cut at once, each by one thread.
+    /// Selectors of each thread. Pages are small: many are cut at once, each by one thread.
     workers: Vec<PageSelectors>,
     depth: SharedDepth,
 }

@@ -81,7 +81,7 @@ impl PagedFile {
         self.header.flags & COLORS != 0
     }
 
-    /// Whether nodes have records of error patches.
+    /// Tells whether nodes have records of error patches.
     pub fn has_patches(&self) -> bool {
         self.header.flags & PATCHES != 0
     }

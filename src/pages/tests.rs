@@ -12,7 +12,7 @@ pub(super) use crate::generate::GeneratedShape;
 use crate::generate::{self, ShapeSpec};
 use crate::mesh::Mesh;
 use crate::progress::Silent;
-use crate::tree::{self, BuildOptions, Model};
+use crate::tree::{self, BuildOptions, Model, PackedPatch};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -121,7 +121,7 @@ fn records_of_patches_are_those_of_what_is_decoded() {
     }
 }
 
-/// Each record made thinner or narrower, with right checksums: that of a page alone, and those above it.
+/// Records made thinner, with right checksums: those of the first page, which lie above all others, and of a leaf page.
 #[test]
 fn records_that_do_not_bound_what_is_below_are_found() {
     let model = model(GeneratedShape::Sphere, 4000, false);
@@ -143,9 +143,10 @@ fn records_that_do_not_bound_what_is_below_are_found() {
         let at = bytes[range].windows(own.len()).position(|part| part == own);
         let at = place.offset as usize + at.unwrap();
         let mut damaged = bytes.clone();
-        for record in damaged[at..at + 36 * patches.records.len()].chunks_exact_mut(36) {
-            // The thickness, see `PackedPatch`.
-            record[20] = record[20].saturating_sub(64);
+        let end = at + size_of_val(&patches.records[..]);
+        for record in damaged[at..end].chunks_exact_mut(size_of::<PackedPatch>()) {
+            let thickness = &mut record[std::mem::offset_of!(PackedPatch, thickness)];
+            *thickness = thickness.saturating_sub(64);
         }
         damage::repair(&mut damaged, &places);
         let report = check(&opened(damaged).unwrap(), &Silent);

@@ -53,7 +53,7 @@ pub fn write(model: &Model, options: &PagedOptions, path: &Path) -> Result<(), E
 ///
 /// # Errors
 ///
-/// As [`write()`], and cancelled.
+/// Errors of [`write()`]; also cancelled.
 pub fn write_with_patches(
     model: &Model,
     options: &PagedOptions,

@@ -36,7 +36,7 @@ pub fn check_records(model: &Model) -> Vec<String> {
     lines
 }
 
-/// What a record says wrongly of all triangles of a model that lies below its node; `None` where it bounds them.
+/// Tests a record against all triangles of a model that lies below its node: says what is wrong, `None` where it bounds them.
 pub fn check_record(model: &Model, patch: &NodePatch) -> Option<String> {
     violation_of(model, 0..model.tree.leaf_count(), patch, room_of(patch))
 }

@@ -33,6 +33,9 @@ fn packed_records(model: &Model, progress: &dyn Progress) -> Result<PatchRecords
 }
 
 impl ResidentPatches {
+    /// Bytes in memory of a node.
+    pub const NODE_BYTES: usize = size_of::<OrientedPolygon>() + 2 * size_of::<PatchCondition>();
+
     /// Makes what drawing needs from the records that the model has, else from records that are made first. Those are packed
     /// too, so that the picture does not depend on where records come from. Memory and time of making them as
     /// [`build`](super::build()).

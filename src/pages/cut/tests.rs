@@ -220,8 +220,13 @@ fn patches_in_joined(cut: &PagedCut, known: &KnownPages) -> BTreeSet<u32> {
 
 #[test]
 fn by_error_it_is_the_cut_of_the_whole_tree_too() {
-    for (pages, shared) in [(SMALL_PAGES, 0), (LARGE_PAGES, 2)] {
-        let whole = model(GeneratedShape::Statue, 12_000, false);
+    // Of the torus some nodes of an upper page are patches where others of the same page below are not.
+    for (shape, pages, shared) in [
+        (GeneratedShape::Statue, SMALL_PAGES, 0),
+        (GeneratedShape::Statue, LARGE_PAGES, 2),
+        (GeneratedShape::Torus, LARGE_PAGES, 2),
+    ] {
+        let whole = model(shape, 12_000, false);
         let bytes = to_bytes_with_patches(&whole, &pages, &Silent).unwrap();
         let file = opened(bytes).unwrap();
         assert!(file.has_patches());
@@ -231,7 +236,14 @@ fn by_error_it_is_the_cut_of_the_whole_tree_too() {
         let conditions = |model: &Model| ResidentPatches::build(model, &Silent).unwrap();
         let of_joined = conditions(&joined);
         let mut selector = PageCutSelector::default();
-        for (fill, cull_back) in [(0.3, false), (1.0, true), (4.0, true)] {
+        for (fill, cull_back) in [
+            (0.05, false),
+            (0.1, false),
+            (0.3, false),
+            (0.5, true),
+            (1.0, true),
+            (4.0, true),
+        ] {
             let camera = joined.orbit_camera((640, 480), 0.7, 0.3, fill);
             let view = camera.view(joined.origin).unwrap();
             let settings = PatchCutSettings {
@@ -266,8 +278,11 @@ fn by_error_it_is_the_cut_of_the_whole_tree_too() {
             let expected_patches: BTreeSet<u32> = expected.patches.iter().copied().collect();
             let off = patches.symmetric_difference(&expected_patches).count();
             let count = expected_patches.len();
-            // From near the lowest nodes are too large, which have no records.
-            assert!(count > 100 || fill > 1.0, "{fill}: {count} patches");
+            // From near the lowest nodes are too large, which have no records; from afar few are larger than a pixel.
+            assert!(
+                count > 100 || fill > 1.0 || fill < 0.2,
+                "{fill}: {count} patches"
+            );
             // Pages have zeros of their own: what is at a limit may be rounded to the other side.
             assert!(off <= count / 500 + 4, "{fill}: {off} of {count}");
             let triangles = in_joined(&found, &known, &joined)[2].len();

@@ -19,6 +19,7 @@ pub(super) use upper::{UpperCounts, UpperPlace, encode_upper, upper_bytes};
 
 use super::format::{MOST_LEAVES, MOST_LEVELS};
 use super::quantize::PageSphere;
+use crate::patches::ResidentPatches;
 use crate::tree::{Leaf, Model, NormalCone, PatchRecords, Tree, fill_moments};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -115,8 +116,9 @@ impl DecodedPage {
             .children
             .as_ref()
             .map_or(0, |below| below.entries.len() * 32 + below.owners.len() * 4);
-        // What drawing makes of each record is some five times as large (`ResidentPatches`).
-        let patches = (self.model.patches.as_ref()).map_or(0, |own| own.records.len() * (36 + 184));
+        let made =
+            |own: &PatchRecords| own.bytes() + own.records.len() * ResidentPatches::NODE_BYTES;
+        let patches = self.model.patches.as_deref().map_or(0, made);
         self.model.memory_bytes().total() + (children + patches + size_of::<Self>()) as u64
     }
 }

@@ -291,12 +291,6 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     let index_bits = bits::bits_below(vertex_count);
     let indices_at = sections.at;
     let indices = sections.take(bits::packed_bytes(leaf_count * 3, index_bits), "corners")?;
-    let patches_at = sections.at;
-    if header.flags & flag::PATCHES != 0 {
-        // Their number follows from the tree.
-        sections.at = bytes.len();
-    }
-    sections.end()?;
     if !bits::is_filled_with_zeros(indices, leaf_count * 3, index_bits) {
         return Err((indices_at, "corners of no triangle".to_owned()));
     }
@@ -306,13 +300,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
         (leaf_count, header.level_count as usize),
     )?;
     nodes::decode_cones(words, &mut tree);
-    let mut patches = None;
-    if header.flags & flag::PATCHES != 0 {
-        sections.at = patches_at;
-        let own = sections.patches(recorded_nodes(&tree), header.has_colors())?;
-        sections.end()?;
-        patches = Some(Arc::new(own.filled(node_count)));
-    }
+    let patches = match header.flags & flag::PATCHES {
+        0 => None,
+        _ => Some(sections.patches(recorded_nodes(&tree), header.has_colors())?),
+    };
+    sections.end()?;
 
     let table = packed_normals();
     let mut any_normal = false;
@@ -392,7 +384,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
             triangles,
             tree,
             has_colors: header.has_colors(),
-            patches,
+            patches: patches.map(|own| Arc::new(own.filled(node_count))),
             ..Model::default()
         },
         base: DVec3::from_array(header.base),
