@@ -280,7 +280,7 @@ fn by_error_it_is_the_cut_of_the_whole_tree_too() {
             let count = expected_patches.len();
             // From near the lowest nodes are too large, which have no records; from afar few are larger than a pixel.
             assert!(
-                count > 100 || fill > 1.0 || fill < 0.2,
+                count > 100 || !(0.2..=1.0).contains(&fill),
                 "{fill}: {count} patches"
             );
             // Pages have zeros of their own: what is at a limit may be rounded to the other side.
