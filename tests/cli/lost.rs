@@ -10,11 +10,11 @@ const LARGE: &[(&str, &str)] = &[
     ("build model.ply -o out.surfel", "out.surfel"),
     ("build model.ply --paged -o out.surfel", "out.surfel"),
     (
-        "render model.ply --device cpu --size 1500x1200 -o out.png",
+        "render model.ply --device cpu --samples 1 --size 1500x1200 -o out.png",
         "out.png",
     ),
     (
-        "render model.ply --device cpu --size 900x900 -o out.exr",
+        "render model.ply --device cpu --samples 1 --size 900x900 -o out.exr",
         "out.exr",
     ),
 ];
