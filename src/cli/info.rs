@@ -76,8 +76,10 @@ pub(crate) fn facts(ready: &OpenedModel) -> serde_json::Value {
             "nodes": header.node_count + leaves,
             "interior_nodes": header.node_count,
             "leaves": leaves,
-            "pages": header.page_count,
+            "pages": file.page_count(),
             "has_patches": file.has_patches(),
+            "bytes": file.total_bytes(),
+            "files": file.member_names().collect::<Vec<_>>(),
         });
     }
     facts
@@ -95,6 +97,29 @@ fn part(part: &FilePart) -> serde_json::Value {
 
 /// Most lines of parts that are printed; the rest is in the JSON.
 const MOST_PARTS: usize = 60;
+
+/// The files whose trees a forest has.
+fn files(forest: &PagedFile) -> String {
+    let names = forest.member_names();
+    let (all, mut out) = (names.len(), String::new());
+    if all == 0 {
+        return out;
+    }
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        out,
+        "  joined of {} files, {} in all:",
+        count(all as u64),
+        bytes(forest.total_bytes())
+    );
+    for name in names.take(MOST_PARTS) {
+        let _ = writeln!(out, "    {name}");
+    }
+    if all > MOST_PARTS {
+        let _ = writeln!(out, "    and {} more", all - MOST_PARTS);
+    }
+    out
+}
 
 /// The parts of the file, a line each, with what became of them.
 fn parts(parts: &[FilePart]) -> String {
@@ -198,9 +223,10 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             "  tree: {} nodes ({} interior) in {} pages, {:.2} bytes a leaf",
             count(header.node_count + header.leaf_count),
             count(header.node_count),
-            count(header.page_count),
-            ready.file_bytes as f64 / header.leaf_count.max(1) as f64
+            count(file.page_count()),
+            file.total_bytes() as f64 / header.leaf_count.max(1) as f64
         );
+        out += &files(file);
     } else {
         let _ = writeln!(
             out,

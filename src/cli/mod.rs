@@ -18,6 +18,7 @@ mod error_patches;
 mod export;
 mod generate;
 mod info;
+mod join;
 mod light;
 mod look;
 mod man;
@@ -217,6 +218,8 @@ enum Command {
     Compare(Box<compare::Args>),
     /// List the built-in scenes that methods fail at
     Scenes(scenes::Args),
+    /// Join paged trees into one model that refers to their files
+    Join(join::Args),
     /// Serve the paged trees of a folder over http
     #[cfg(feature = "remote")]
     Serve(serve::Args),
@@ -322,6 +325,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Generate(args)) => generate::run(args, quiet),
         Some(Command::Compare(args)) => compare::run(*args),
         Some(Command::Scenes(args)) => scenes::run(args),
+        Some(Command::Join(args)) => join::run(&args, quiet),
         #[cfg(feature = "remote")]
         Some(Command::Serve(args)) => serve::run(&args),
         Some(Command::Profile(args)) => profile::run(*args, quiet),

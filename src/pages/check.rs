@@ -40,6 +40,24 @@ impl PagedReport {
         }
     }
 
+    /// Adds what was found in a file of this name.
+    fn join(&mut self, other: Self, name: &str) {
+        self.pages += other.pages;
+        self.leaves += other.leaves;
+        self.nodes += other.nodes;
+        let unlisted = other.count - other.violations.len() as u64;
+        for violation in other.violations {
+            // Faults of reading name the file.
+            let is_named = violation.starts_with(name);
+            self.report(if is_named {
+                violation
+            } else {
+                format!("{name}: {violation}")
+            });
+        }
+        self.count += unlisted;
+    }
+
     /// Whether every promise holds.
     pub fn is_clean(&self) -> bool {
         self.count == 0
@@ -61,11 +79,12 @@ struct ExpectedPage {
 ///   true one, which it holds, lies in them), and the page's root lies in the leaf that stands for it;
 /// * a cone holds the normals of the triangles below, a splat reaches their corners;
 /// * the record of an error patch bounds all triangles below its node, in its page and in the pages below;
-/// * the counts are those of the header.
+/// * the counts are those of the header;
+/// * the same of every file of a forest.
 ///
 /// A page that cannot be read is one violation; what is below it is not looked at.
 pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
-    progress.stage("check pages", file.header().page_count);
+    progress.stage("check pages", file.page_count());
     let mut report = PagedReport::default();
     let root = file.root().map(|entry| ExpectedPage {
         entry,
@@ -73,7 +92,12 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
         above: Arc::default(),
     });
     let mut waiting: VecDeque<ExpectedPage> = root.into_iter().collect();
-    let mut end = HEADER as u64;
+    // Before the first page of a forest is the table of its files.
+    let is_forest = file.member_names().len() > 0;
+    let mut end = match is_forest {
+        true => file.header().root.offset,
+        false => HEADER as u64,
+    };
     while let Some(ExpectedPage {
         entry,
         outer,
@@ -83,6 +107,10 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
         if progress.is_cancelled() {
             report.report("cancelled".to_owned());
             return report;
+        }
+        if let Some((index, _)) = file.member_of(&entry) {
+            check_member(file, index, (&entry, outer), (&mut report, progress));
+            continue;
         }
         if entry.offset != end || u64::from(entry.id) != report.pages {
             report.report(format!(
@@ -103,17 +131,7 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
         let tree = &page.model.tree;
         let below = page.children.as_ref();
         report.nodes += below.map_or(tree.nodes.len(), |below| below.own_nodes(tree)) as u64;
-        let own = tree.nodes.first().map(|node| (node.center, node.radius));
-        let own = own.or_else(|| tree.leaves.first().map(|leaf| (leaf.center, leaf.radius)));
-        if let (Some((center, radius)), Some((outer, reach))) = (own, outer) {
-            let center = page.base + center.as_dvec3();
-            if !holds((outer, reach), center, f64::from(radius)) {
-                report.report(format!(
-                    "page {}: sticks out of what stands for it",
-                    entry.id
-                ));
-            }
-        }
+        check_place(&page, outer, entry.id, &mut report);
         check_page(&page, entry.id, &mut report);
         let above = match file.has_patches() {
             true => check_patches(
@@ -142,7 +160,7 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
     let header = file.header();
     for (what, found, said) in [
         ("bytes", end, header.file_length),
-        ("pages", report.pages, header.page_count),
+        ("pages", report.pages, file.page_count()),
         ("leaves", report.leaves, header.leaf_count),
         ("nodes", report.nodes, header.node_count),
     ] {
@@ -151,6 +169,40 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
         }
     }
     report
+}
+
+/// Tests a file whose tree a forest has, and that its first page lies in the sphere that stands for it.
+fn check_member(
+    forest: &PagedFile,
+    index: usize,
+    (entry, outer): (&PageEntry, Option<(DVec3, f64)>),
+    (report, progress): (&mut PagedReport, &dyn Progress),
+) {
+    let first = forest.read_page(entry, DecodeOptions::default());
+    match first.and_then(|page| Ok((page, forest.open_member(index)?))) {
+        Ok((page, file)) => {
+            check_place(&page, outer, entry.id, report);
+            report.join(check(&file, progress), file.name());
+        }
+        Err(error) => report.report(error.to_string()),
+    }
+}
+
+/// Tests that a page lies in the sphere that stands for it.
+fn check_place(
+    page: &DecodedPage,
+    outer: Option<(DVec3, f64)>,
+    page_id: u32,
+    report: &mut PagedReport,
+) {
+    let tree = &page.model.tree;
+    let own = tree.nodes.first().map(|node| (node.center, node.radius));
+    let own = own.or_else(|| tree.leaves.first().map(|leaf| (leaf.center, leaf.radius)));
+    if let (Some((center, radius)), Some(outer)) = (own, outer)
+        && !holds(outer, page.base + center.as_dvec3(), f64::from(radius))
+    {
+        report.report(format!("page {page_id}: sticks out of what stands for it"));
+    }
 }
 
 /// Tests the records of a page in model space: those of a leaf page, and those above it, must bound its triangles. Gives the

@@ -24,6 +24,9 @@ pub const TRIANGLES: u32 = 4;
 /// Bit of the header's flags: nodes have records of error patches.
 pub const PATCHES: u32 = 8;
 
+/// Bit of the header's flags: the file joins trees of other files, whose table follows the header.
+pub const FOREST: u32 = 16;
+
 /// Largest page in bytes, so that no entry can ask for much memory.
 pub const LARGEST_PAGE: u32 = 1 << 26;
 /// Most leaves and most vertices of a page.
@@ -42,7 +45,7 @@ pub fn is_paged_file(start: &[u8]) -> bool {
 pub struct PagedHeader {
     pub(super) magic: [u8; 8],
     pub(super) version: u32,
-    /// [`CLOSED`], [`COLORS`], [`TRIANGLES`], [`PATCHES`].
+    /// [`CLOSED`], [`COLORS`], [`TRIANGLES`], [`PATCHES`], [`FOREST`].
     pub flags: u32,
     /// Bytes of the file.
     pub file_length: u64,
@@ -101,8 +104,9 @@ impl PagedHeader {
             );
             return Err((length.min(self.file_length), cause));
         }
-        if self.flags & !(CLOSED | COLORS | TRIANGLES | PATCHES) != 0
+        if self.flags & !(CLOSED | COLORS | TRIANGLES | PATCHES | FOREST) != 0
             || self.flags & (TRIANGLES | PATCHES) == PATCHES
+            || self.flags & (FOREST | PATCHES) == FOREST | PATCHES
         {
             return Err((12, "unknown flags".to_owned()));
         }

@@ -16,8 +16,15 @@ use std::sync::Arc;
 /// Reads all pages and joins their records. Vertices of several pages come once for each.
 ///
 /// # Errors
-/// A page that cannot be read; pages that do not make one tree; cancelled.
+/// A forest, whose trees are not of one depth; a page that cannot be read; pages that do not make one tree; cancelled.
 pub fn whole_model(file: &PagedFile, progress: &dyn Progress) -> Result<Model, Error> {
+    let files = file.member_names().len();
+    if files > 0 {
+        return Err(Error::Forest {
+            name: file.name().to_owned(),
+            files,
+        });
+    }
     progress.stage("read pages", file.header().page_count);
     let mut bands: Vec<Vec<DecodedPage>> = Vec::new();
     let mut wanted: Vec<PageEntry> = file.root().into_iter().collect();

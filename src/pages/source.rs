@@ -5,7 +5,7 @@
 
 use std::fs::File;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Bytes that are read by position, from any thread.
@@ -31,6 +31,15 @@ pub trait ByteSource: Send + Sync + std::fmt::Debug {
     /// # Errors
     /// The system's; [`io::ErrorKind::UnexpectedEof`] where the range ends behind the last byte.
     fn read_at(&self, offset: u64, out: &mut [u8]) -> io::Result<()>;
+
+    /// Opens a file by its path from the folder of this one, with `/` between its parts.
+    ///
+    /// # Errors
+    /// The system's; there is no folder, or the path leads out of what may be read.
+    fn beside(&self, path: &str) -> io::Result<Arc<dyn ByteSource>> {
+        let cause = format!("{} is in no folder in which {path} could be", self.name());
+        Err(io::Error::new(io::ErrorKind::Unsupported, cause))
+    }
 }
 
 /// Bytes in memory.
@@ -75,6 +84,7 @@ impl ByteSource for MemorySource {
 /// A file, read by position: no thread moves another's place in it.
 #[derive(Debug)]
 pub struct FileSource {
+    path: PathBuf,
     name: String,
     file: File,
     length: u64,
@@ -89,6 +99,7 @@ impl FileSource {
         let file = File::open(path)?;
         let length = file.metadata()?.len();
         Ok(Self {
+            path: path.to_owned(),
             name: path.display().to_string(),
             file,
             length,
@@ -122,6 +133,14 @@ impl ByteSource for FileSource {
             }
         }
         Ok(())
+    }
+
+    fn beside(&self, path: &str) -> io::Result<Arc<dyn ByteSource>> {
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let path = folder.join(path);
+        let named =
+            |error: io::Error| io::Error::new(error.kind(), format!("{}: {error}", path.display()));
+        Ok(Arc::new(Self::open(&path).map_err(named)?))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The pages above the leaf pages of a file: their nodes, and their directory.
 
 use super::extract::{UpperNodes, UpperPart, levels_below, patches_below, upper_part, with_tops};
-use super::format::{HEADER, LARGEST_PAGE, PageEntry, PagedHeader};
+use super::format::{LARGEST_PAGE, PageEntry, PagedHeader};
 use super::page::{
     DecodeOptions, DecodedPage, EncodedPage, UpperCounts, UpperPlace, decode, encode_upper,
     moved_sphere, upper_bytes,
@@ -34,6 +34,19 @@ pub(super) struct LeafPageFacts {
 }
 
 impl LeafPageFacts {
+    /// Facts of the first page of another file, whose root has these records in the model space of the file that is made.
+    pub(super) fn of_root(entry: &PageEntry, root: &NodeRecords) -> Self {
+        Self {
+            bytes: entry.bytes as usize,
+            checksum: entry.checksum,
+            root: PageSphere {
+                center: root.node.center,
+                radius: root.node.radius,
+            },
+            first: Some((root.node.cone, root.node.flags, root.attributes)),
+        }
+    }
+
     /// Decodes a page just written, which was made of what is below a node of the model. Gives its first levels, too.
     ///
     /// # Errors
@@ -89,6 +102,8 @@ fn top_of(page: &DecodedPage, model: &Model, root: u32, shared: usize) -> PageTo
 pub(super) struct LeafPages<'a> {
     /// The level of the tree whose nodes are their roots.
     pub(super) level: usize,
+    /// Byte of the file at which the first page lies.
+    pub(super) first_byte: u64,
     /// One for each node of the level.
     pub(super) pages: &'a [LeafPageFacts],
     /// Their sizes in the pages above.
@@ -203,7 +218,7 @@ fn page_places(
         });
     }
     let mut entries: Vec<Vec<PageEntry>> = Vec::new();
-    let (mut offset, mut id) = (HEADER as u64, 0u32);
+    let (mut offset, mut id) = (leaves.first_byte, 0u32);
     for (band, &level) in bands.iter().enumerate() {
         let mut own = Vec::new();
         for index in 0..level_len(tree, level) {
@@ -300,7 +315,7 @@ pub(super) fn upper_pages(
         pages.push(own);
     }
     let all = || entries.iter().flatten();
-    header.file_length = all().last().map_or(HEADER as u64, PageEntry::end);
+    header.file_length = all().last().map_or(leaves.first_byte, PageEntry::end);
     header.page_count = all().count() as u64;
     header.root = all().next().copied().unwrap_or_default();
     header.checksum = header.own_checksum();

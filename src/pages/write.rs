@@ -168,6 +168,7 @@ fn encode(
         model,
         &LeafPages {
             level: leaf_level,
+            first_byte: HEADER as u64,
             pages: &facts,
             sizes: &sizes,
             shared,

@@ -53,11 +53,11 @@ pub enum FilePrefix {
 }
 
 impl FilePrefix {
-    /// Bytes of it in a file of this length.
-    pub fn bytes(self, length: u64) -> u64 {
+    /// Part that it is of a file of this length, 0 to 1.
+    pub fn part_of(self, length: u64) -> f64 {
         match self {
-            Self::Bytes(bytes) => bytes.min(length),
-            Self::Part(part) => (part.clamp(0.0, 1.0) * length as f64) as u64,
+            Self::Bytes(bytes) => bytes.min(length) as f64 / length.max(1) as f64,
+            Self::Part(part) => part.clamp(0.0, 1.0),
         }
     }
 }
@@ -115,8 +115,8 @@ pub struct PagedModel {
     changes: u64,
     /// Pages that are wanted do not fit beside those that the picture needs.
     is_full: bool,
-    /// Past the last byte of the pages that may be read.
-    end: u64,
+    /// Part of the file in which the pages lie that may be read, 0 to 1.
+    part: f64,
     opened: Instant,
 }
 
@@ -153,10 +153,7 @@ impl PagedModel {
             })?;
         Ok(Self {
             has_colors: file.has_colors(),
-            end: match options.prefix {
-                Some(prefix) => prefix.bytes(file.header().file_length),
-                None => u64::MAX,
-            },
+            part: (options.prefix).map_or(1.0, |prefix| prefix.part_of(file.total_bytes())),
             opened: Instant::now(),
             file,
             options,
@@ -368,8 +365,9 @@ impl PagedModel {
         self.cache.begin_frame(&self.cut.needed);
         // What stands for pages that are missing has its own sizes.
         let is_coarse = !self.cut.wanted.is_empty();
-        let (end, root) = (self.end, self.file.root().map(|root| root.id));
-        let may_be_read = |entry: &PageEntry| entry.end() <= end || Some(entry.id) == root;
+        let (part, root) = (self.part, self.file.root().map(|root| root.id));
+        let may_be_read =
+            |entry: &PageEntry| self.file.part_before(entry) <= part || Some(entry.id) == root;
         self.cut.wanted.retain(|wanted| may_be_read(&wanted.entry));
         self.cut.parts.retain(|part| known.contains_key(&part.id));
         let facts_of = |id: &u32| {

@@ -191,6 +191,16 @@ pub enum Error {
         /// What is wrong.
         cause: String,
     },
+    /// A file that joins others is asked for as one tree.
+    #[error(
+        "{name} joins the trees of {files} files, which are drawn page by page (surfel, surfel render); for anything else name one of those files"
+    )]
+    Forest {
+        /// The file.
+        name: String,
+        /// Number of files that it joins.
+        files: usize,
+    },
     /// The user asked to stop.
     #[error("cancelled")]
     Cancelled,

@@ -11,6 +11,7 @@ mod compare;
 mod costs;
 mod damage;
 mod harness;
+mod join;
 #[cfg(unix)]
 mod lost;
 mod models;

@@ -11,6 +11,7 @@ pub(crate) const COMMANDS: &[&str] = &[
     "generate",
     "compare",
     "scenes",
+    "join",
     "serve",
     "profile",
     "motion",

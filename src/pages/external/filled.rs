@@ -4,6 +4,7 @@ use super::skeleton::TreeSkeleton;
 use super::spool::SpooledTops;
 use super::{ExternalError, ExternalReport, ModelSpace};
 use crate::mesh::stream::StreamFacts;
+use crate::pages::format::HEADER;
 use crate::pages::page_tops::TopSource;
 use crate::pages::upper::{LeafPageFacts, LeafPages, UpperPages, upper_pages};
 use crate::pages::write::header_of;
@@ -54,6 +55,7 @@ impl FilledPages {
         let leaves = LeafPages {
             patches: None,
             level: leaf_level,
+            first_byte: HEADER as u64,
             pages: &self.pages,
             sizes: &sizes,
             shared,

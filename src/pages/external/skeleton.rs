@@ -1,10 +1,8 @@
 //! The levels of the tree that are kept in memory while the chunks come and go: down to the roots of the leaf pages.
 
 use crate::pages::page_tops::{TopSize, shared_levels};
-use crate::tree::{
-    AlignedRecords, Error, Model, Node, NodeAttributes, NodeRecords, PartPlace, PartShape, Tree,
-    node_above,
-};
+use crate::pages::upper_tree::{join_above, linked, put};
+use crate::tree::{Error, Model, NodeRecords, PartPlace, PartShape, Tree};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -190,63 +188,6 @@ impl TreeSkeleton {
 
     /// Makes the nodes above the chunks, once all have come.
     pub(super) fn join(&mut self, is_surface: bool) {
-        let end = self.tree.level(self.top).start;
-        for id in (0..end).rev() {
-            let children: Vec<NodeRecords> = (self.tree.children(id))
-                .map(|child| NodeRecords {
-                    node: self.tree.nodes[child as usize],
-                    attributes: self.tree.attributes[child as usize],
-                    moments: self.tree.moments[child as usize],
-                })
-                .collect();
-            put(
-                &mut self.tree,
-                id as usize,
-                node_above(&children, is_surface),
-            );
-        }
-    }
-}
-
-/// Puts a node into its place, whose links stay.
-fn put(tree: &mut Tree, at: usize, records: NodeRecords) {
-    let NodeRecords {
-        node,
-        attributes,
-        moments,
-    } = records;
-    let own = &mut tree.nodes[at];
-    *own = Node {
-        first_child: own.first_child,
-        child_count: own.child_count,
-        flags: node.flags & !Node::LEAF_CHILDREN,
-        ..node
-    };
-    tree.attributes[at] = attributes;
-    tree.moments[at] = moments;
-}
-
-/// A tree of levels with these numbers of children; those of the last level are not in it.
-fn linked(levels: &[Vec<u8>]) -> Tree {
-    let count = levels.iter().map(Vec::len).sum();
-    let mut nodes = AlignedRecords::<Node>::of_tree(count);
-    let mut level_starts = vec![0u32];
-    let mut at = 0;
-    let mut child = 1;
-    for level in levels {
-        for &own in level {
-            nodes[at].child_count = own;
-            nodes[at].first_child = child;
-            child += u32::from(own);
-            at += 1;
-        }
-        level_starts.push(at as u32);
-    }
-    Tree {
-        nodes,
-        attributes: AlignedRecords::<NodeAttributes>::of_tree(count),
-        moments: AlignedRecords::zeroed(count),
-        level_starts,
-        ..Tree::default()
+        join_above(&mut self.tree, self.top, is_surface);
     }
 }
