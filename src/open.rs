@@ -30,7 +30,7 @@ use crate::pages::qs::{self, QsCloud};
 use crate::pages::source::{ByteSource, FileSource, MemorySource};
 use crate::progress::Progress;
 use crate::scenes::{self, SceneError};
-use crate::tree::{self, BuildOptions, Model};
+use crate::tree::{self, BuildOptions, Model, PointNormals};
 use glam::DVec3;
 use std::fmt;
 use std::fs::File;
@@ -244,6 +244,8 @@ pub struct OpenedModel {
     /// What the points of a cloud carry beside position, normal and color, in the order of the model's vertices; empty for
     /// most models and for tree files.
     pub attributes: PointAttributes,
+    /// Normals of points are estimated: the file has none.
+    pub has_estimated_normals: bool,
     /// The file whose pages the model stands in for; `None` where the model is all.
     pub paged: Option<PagedFile>,
     /// The axis that is up, as far as format and place tell.
@@ -302,6 +304,8 @@ pub fn open_with_preview(
     })?;
     let load_ms = milliseconds_since(start);
     let mut attributes = found.attributes;
+    let estimates = options.tree.point_normals == PointNormals::Estimate;
+    let mut has_estimated_normals = false;
     let (model, build_ms) = match content {
         Content::Model(model) => (*model, 0.0),
         Content::Mesh(mut mesh) => {
@@ -311,6 +315,7 @@ pub fn open_with_preview(
                 Some(_) => {}
                 None => building.crease_degrees = Some(USUAL_CREASE_DEGREES),
             }
+            has_estimated_normals = estimates && mesh.is_cloud() && mesh.normals.is_empty();
             on_mesh(&mesh);
             let start = Instant::now();
             let model = keep::build(mesh, &building, &mut attributes, progress)?;
@@ -344,6 +349,7 @@ pub fn open_with_preview(
         warnings,
         parts: found.parts,
         attributes,
+        has_estimated_normals,
         up,
         paged: found.paged,
         scene: found.scene,

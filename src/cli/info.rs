@@ -42,6 +42,8 @@ pub(crate) fn facts(ready: &OpenedModel) -> serde_json::Value {
         "is_cloud": !m.kind().is_surface(),
         "is_closed": m.is_closed,
         "has_colors": m.has_colors,
+        "with_normals": m.vertices.iter().filter(|vertex| vertex.color[3] != 0).count(),
+        "has_estimated_normals": ready.has_estimated_normals,
         "min": world(m.min),
         "max": world(m.max),
         "center": world(m.orbit_center),
@@ -119,6 +121,22 @@ fn files(forest: &PagedFile) -> String {
         let _ = writeln!(out, "    and {} more", all - MOST_PARTS);
     }
     out
+}
+
+/// Tells of how many points of a cloud the normals are known; nothing of what is no cloud, or is not read whole.
+fn normals_of_points(ready: &OpenedModel) -> String {
+    let model = &ready.model;
+    if !model.kind().is_points() || ready.paged.is_some() {
+        return String::new();
+    }
+    let known = model.vertices.iter().filter(|own| own.color[3] != 0);
+    match known.count() as u64 {
+        0 => ", no normals".to_owned(),
+        known if ready.has_estimated_normals => {
+            format!(", normals of {} points estimated", count(known))
+        }
+        known => format!(", normals of {} points", count(known)),
+    }
 }
 
 /// The parts of the file, a line each, with what became of them.
@@ -199,7 +217,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     }
     let _ = writeln!(
         out,
-        "  {}, {}",
+        "  {}, {}{}",
         if m.is_closed {
             "closed and oriented outward: what faces away is culled"
         } else {
@@ -209,7 +227,8 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             "vertex colors"
         } else {
             "no colors"
-        }
+        },
+        normals_of_points(&ready)
     );
     let corner = |v: glam::Vec3| {
         let v = m.origin + v.as_dvec3();

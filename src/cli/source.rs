@@ -10,7 +10,7 @@ use surfel::mesh::creases::USUAL_CREASE_DEGREES;
 use surfel::mesh::placement::MeshPlacement;
 use surfel::progress::Progress;
 use surfel::render::paged_model::{FilePrefix, PagedModelOptions};
-use surfel::tree::{BuildOptions, SplitRule};
+use surfel::tree::{BuildOptions, PointNormals, SplitRule};
 use surfel::{OpenOptions, OpenedModel};
 
 /// The model of a command.
@@ -85,6 +85,9 @@ pub(crate) struct SurfaceArgs {
     /// Edges of more than this angle are sharp; 0 shades each triangle flat, 180 smooths all, both without the file's normals [default: 40]
     #[arg(long, value_name = "DEGREES", value_parser = parse_crease)]
     crease: Option<f32>,
+    /// Normals of points: those of the file, or where it has none those of planes through their neighbors
+    #[arg(long, value_name = "NORMALS", value_enum, default_value_t)]
+    point_normals: PointNormalsChoice,
     /// How triangles are divided into nodes: along the longest axis, or so that nodes are flat, for patches (builds longer)
     #[arg(long, value_name = "RULE", default_value = "longest")]
     split: SplitChoice,
@@ -102,6 +105,18 @@ pub(crate) enum NormalsChoice {
     Smooth,
     /// Those of the file; where it has none, smooth
     File,
+}
+
+/// [`PointNormals`] by its name.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+enum PointNormalsChoice {
+    /// Of the file; where it has none, of planes through the neighbors of each point
+    #[default]
+    Estimate,
+    /// Of the file alone
+    File,
+    /// None: points are not lit
+    None,
 }
 
 impl SurfaceArgs {
@@ -295,6 +310,11 @@ pub(crate) fn open_options(
             split: match surface.split {
                 SplitChoice::Longest => SplitRule::Longest,
                 SplitChoice::Flat => SplitRule::Flat,
+            },
+            point_normals: match surface.point_normals {
+                PointNormalsChoice::Estimate => PointNormals::Estimate,
+                PointNormalsChoice::File => PointNormals::File,
+                PointNormalsChoice::None => PointNormals::None,
             },
             ..BuildOptions::default()
         },

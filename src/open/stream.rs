@@ -8,6 +8,7 @@ use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::mesh::stream::{MeshStream, StreamError, StreamFacts, TakePiece, VertexPiece};
 use crate::pages::external::ExternalOptions;
 use crate::progress::Progress;
+use crate::tree::PointNormals;
 
 /// A model that is read piece by piece.
 pub struct OpenedStream {
@@ -57,13 +58,19 @@ pub fn open_stream(
         }),
         ModelSource::StandardInput | ModelSource::Scene(_) | ModelSource::Address(_) => None,
     };
-    Ok(opened.map(|opened| match options.tree.crease_degrees {
-        Some(_) if !opened.stream.facts().is_cloud() => OpenedStream {
-            stream: Box::new(WithoutNormals(opened.stream)),
-            ..opened
-        },
-        _ => opened,
-    }))
+    let are_left_out = |facts: StreamFacts| match facts.is_cloud() {
+        true => options.tree.point_normals == PointNormals::None,
+        false => options.tree.crease_degrees.is_some(),
+    };
+    Ok(
+        opened.map(|opened| match are_left_out(opened.stream.facts()) {
+            true => OpenedStream {
+                stream: Box::new(WithoutNormals(opened.stream)),
+                ..opened
+            },
+            false => opened,
+        }),
+    )
 }
 
 /// How a file is built of a stream that was opened by these options, with at most about `memory_bytes` of memory.
@@ -71,6 +78,7 @@ pub fn external_options(options: &OpenOptions, memory_bytes: u64) -> ExternalOpt
     let crease = options.tree.crease_degrees.unwrap_or(USUAL_CREASE_DEGREES);
     ExternalOptions {
         crease_degrees: Some(crease),
+        point_normals: options.tree.point_normals,
         table_bytes: memory_bytes / 4,
         ..ExternalOptions::default()
     }

@@ -11,8 +11,9 @@ use super::grow::{TreeGrowth, VertexExtent, level_starts_of, links};
 use super::partition::TreePartition;
 use super::shape::TreeShape;
 use super::sort_item::SortItem;
+use super::spacing::{self, CloudSpacing};
 use super::{
-    AlignedRecords, Error, Leaf, Model, ModelTextures, Tree, framed, order, spacing, textures,
+    AlignedRecords, Error, Leaf, Model, ModelTextures, Tree, framed, order, point_normals, textures,
 };
 use crate::math::sphere;
 use crate::mesh::creases;
@@ -33,6 +34,20 @@ pub struct BuildOptions {
     pub keeps_origin: bool,
     /// How the triangles of a node are divided among its children.
     pub split: SplitRule,
+    /// Which normals the points of a cloud have.
+    pub point_normals: PointNormals,
+}
+
+/// Which normals the points of a cloud have.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum PointNormals {
+    /// Those of the file, where it has some.
+    #[default]
+    File,
+    /// Those of the file; where it has none, those of planes through the neighbors of a point, if these make a surface.
+    Estimate,
+    /// None.
+    None,
 }
 
 /// By which key the triangles of a node are halved; the sizes of the halves are prescribed. Points are always divided along the
@@ -50,7 +65,8 @@ pub enum SplitRule {
 
 /// Builds the tree. Colors and normals of nodes are means weighted by area; colors are averaged as the values they are
 /// (value / 255, no decoding), as pictures are. Vertex normals that are missing or zero are computed (area-weighted, vertices
-/// on sharp edges split) if the mesh has triangles; a cloud without normals stays without.
+/// on sharp edges split) if the mesh has triangles; a cloud without normals stays without, unless they are to be estimated
+/// ([`PointNormals`]).
 ///
 /// What lies far from the model-space zero is moved to it first ([`mesh::recenter`]); the world positions stay.
 ///
@@ -165,6 +181,9 @@ pub(super) fn build_around(
         keeps_order,
     } = parts;
     let is_cloud = mesh.is_cloud();
+    if is_cloud && options.point_normals == PointNormals::None {
+        mesh.normals = Vec::new();
+    }
     let (what, count) = if is_cloud {
         ("points", mesh.positions.len())
     } else {
@@ -250,7 +269,7 @@ pub(super) fn build_around(
     });
     let ArrangedMesh {
         mut model,
-        normals,
+        mut normals,
         mut old_of_new,
     } = arranged?;
     if !keeps_order {
@@ -261,12 +280,23 @@ pub(super) fn build_around(
 
     if is_cloud {
         progress.stage("measuring spacing", count as u64);
+        let is_estimated = options.point_normals == PointNormals::Estimate;
+        let with_normals = is_estimated && normals.is_empty();
         let points: Vec<Vec3> = leaves.iter().map(|leaf| leaf.center).collect();
-        let radii = radii.unwrap_or_else(|| spacing::radii(&shape, &points, &stop, &advance));
-        for (leaf, radius) in leaves.iter_mut().zip(radii) {
+        let mut found = match (&radii, with_normals) {
+            (Some(_), false) => CloudSpacing::default(),
+            _ => spacing::measure(&shape, &points, with_normals, (&stop, &advance)),
+        };
+        found.radii = radii.unwrap_or(found.radii);
+        check_stop()?;
+        if with_normals {
+            normals = found.normals;
+            point_normals::orient(&shape, &found.radii, &mut normals);
+            point_normals::give(&mut model.vertices, &normals);
+        }
+        for (leaf, radius) in leaves.iter_mut().zip(found.radii) {
             leaf.radius = radius;
         }
-        check_stop()?;
     }
     progress.stage("building nodes", count as u64);
     let growth = TreeGrowth {

@@ -226,7 +226,7 @@ mod tests {
     use crate::generate::{self, ShapeSpec};
     use crate::mesh::Mesh;
     use crate::progress::Silent;
-    use crate::tree::{BuildOptions, build, check};
+    use crate::tree::{BuildOptions, build, build_with_radii, check};
 
     fn cloud(count: u32) -> Model {
         let position = |i: u32| {
@@ -315,7 +315,9 @@ mod tests {
             positions: part.vertices.iter().map(|vertex| vertex.position).collect(),
             ..Mesh::default()
         };
-        let anew = build(mesh, &BuildOptions::default(), &Silent).unwrap();
+        // Points as large as there: only the order differs.
+        let radii: Vec<f32> = part.tree.leaves.iter().map(|leaf| leaf.radius).collect();
+        let anew = build_with_radii(mesh, &radii, &Silent).unwrap();
         let mean = |model: &Model| {
             let lowest = model.tree.level(model.tree.level_count() - 1);
             let radii = lowest.map(|id| f64::from(model.tree.nodes[id as usize].radius));

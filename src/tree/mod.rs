@@ -24,6 +24,7 @@ mod order;
 mod part;
 mod partition;
 mod patch_records;
+mod point_normals;
 mod records;
 mod select;
 mod shape;
@@ -36,7 +37,7 @@ mod thickness;
 
 pub use access::MemoryBytes;
 pub(crate) use build::PartPlace;
-pub use build::{BuildOptions, SplitRule, build, build_ordered, build_with_radii};
+pub use build::{BuildOptions, PointNormals, SplitRule, build, build_ordered, build_with_radii};
 pub use check::{CheckReport, check, links};
 pub(crate) use closed::ClosedEvidence;
 pub use framed::FramedPart;

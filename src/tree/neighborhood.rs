@@ -17,12 +17,28 @@ const SCATTERED: [f64; 2] = [0.12, 0.3];
 /// The same of how linear they are.
 const LINEAR: [f64; 2] = [0.85, 0.97];
 
-/// Which part of the distance that closes a surface a point's radius is: 1 where its neighbors (differences to it) lie
-/// about in a plane, a third where they lie on a line or all around it; between, it falls evenly. 1 for fewer than three.
-pub(super) fn closing_share(neighbors: impl Iterator<Item = Vec3> + Clone) -> f32 {
+/// What the neighbors of a point lie in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct NeighborPlane {
+    /// Which part of the distance that closes a surface the point's radius is: 1 where its neighbors lie about in a plane, a
+    /// third where they lie on a line or all around it; between, it falls evenly. 1 for fewer than three.
+    pub(super) share: f32,
+    /// Normal of the plane through them, either way around: the direction of least variance. Zero where they make no surface.
+    pub(super) normal: Vec3,
+}
+
+impl NeighborPlane {
+    const UNKNOWN: Self = Self {
+        share: 1.0,
+        normal: Vec3::ZERO,
+    };
+}
+
+/// Finds the plane of the neighbors of a point, by their differences to it.
+pub(super) fn plane_of(neighbors: impl Iterator<Item = Vec3> + Clone) -> NeighborPlane {
     let count = neighbors.clone().count();
     if count < 3 {
-        return 1.0;
+        return NeighborPlane::UNKNOWN;
     }
     // With the point itself, which is at zero.
     let all = || neighbors.clone().map(Vec3::as_dvec3);
@@ -41,13 +57,38 @@ pub(super) fn closing_share(neighbors: impl Iterator<Item = Vec3> + Clone) -> f3
             *sum += product;
         }
     }
-    let [s1, s2, s3] = eigenvalues(sums).map(|value| value.max(0.0).sqrt());
+    let values = eigenvalues(sums);
+    let [s1, s2, s3] = values.map(|value| value.max(0.0).sqrt());
     if !(s1 > 0.0 && s1.is_finite()) {
-        return 1.0;
+        return NeighborPlane::UNKNOWN;
     }
     let past = |value: f64, [from, to]: [f64; 2]| ((value - from) / (to - from)).clamp(0.0, 1.0);
     let lost = past(s3 / s1, SCATTERED).max(past((s1 - s2) / s1, LINEAR)) as f32;
-    1.0 - (1.0 - LEAST) * lost
+    NeighborPlane {
+        share: 1.0 - (1.0 - LEAST) * lost,
+        normal: match lost < 1.0 {
+            true => eigenvector(sums, values[2]),
+            false => Vec3::ZERO,
+        },
+    }
+}
+
+/// Unit eigenvector of a symmetric matrix (xx, yy, zz, xy, xz, yz) for an eigenvalue: across two of the rows of what is left when
+/// it is taken off, those that are the least parallel. Zero where all are.
+fn eigenvector([xx, yy, zz, xy, xz, yz]: [f64; 6], value: f64) -> Vec3 {
+    let [a, b, c] = [
+        DVec3::new(xx - value, xy, xz),
+        DVec3::new(xy, yy - value, yz),
+        DVec3::new(xz, yz, zz - value),
+    ];
+    let crosses = [a.cross(b), b.cross(c), c.cross(a)];
+    let longest = crosses.into_iter().fold(DVec3::ZERO, |best, own| {
+        match own.length_squared() > best.length_squared() {
+            true => own,
+            false => best,
+        }
+    });
+    longest.normalize_or_zero().as_vec3()
 }
 
 /// Eigenvalues of a symmetric matrix (xx, yy, zz, xy, xz, yz), the largest first, by their angles (Smith, 1961).
@@ -76,7 +117,7 @@ mod tests {
     #[test]
     fn planes_are_closed_and_lines_and_volumes_are_not() {
         let share =
-            |points: &[[f32; 3]]| closing_share(points.iter().map(|&p| Vec3::from_array(p)));
+            |points: &[[f32; 3]]| plane_of(points.iter().map(|&p| Vec3::from_array(p))).share;
         let around = |k: f32| [k.cos(), k.sin()];
         let ring = |height: f32| -> Vec<[f32; 3]> {
             (0..6)
@@ -102,6 +143,32 @@ mod tests {
         assert_eq!(share(&strip), 1.0);
         assert_eq!(share(&corners[..2]), 1.0);
         assert_eq!(share(&[[0.0; 3]; 6]), 1.0);
+    }
+
+    #[test]
+    fn normals_are_those_of_the_plane_and_none_where_there_is_no_surface() {
+        let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, -1.1, 2.0);
+        // A lattice of 12 around the point, with noise of a twentieth across.
+        let lattice = || {
+            let at = |i: i32| [i % 4 - 1, i / 4 - 1].map(|v| v as f32);
+            (0..12).map(move |i| {
+                let [x, y] = at(i);
+                turn * Vec3::new(x, y, if i % 3 == 0 { 0.05 } else { -0.05 })
+            })
+        };
+        let found = plane_of(lattice());
+        let cos = found.normal.dot(turn * Vec3::Z).abs();
+        assert!(found.share == 1.0 && cos > 0.999, "{found:?} {cos}");
+        assert!((found.normal.length() - 1.0).abs() < 1e-6);
+        let corners =
+            (0..8).map(|i| Vec3::new((i & 1) as f32, (i / 2 & 1) as f32, (i / 4) as f32) - 0.5);
+        assert_eq!(plane_of(corners).normal, Vec3::ZERO);
+        let line = (1..12).map(|i| turn * Vec3::X * i as f32);
+        assert_eq!(plane_of(line).normal, Vec3::ZERO);
+        assert_eq!(
+            plane_of([Vec3::X, Vec3::Y].into_iter()),
+            NeighborPlane::UNKNOWN
+        );
     }
 
     #[test]

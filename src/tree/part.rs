@@ -1,7 +1,9 @@
 //! Trees of parts of a model that is never in memory as a whole. All parts have one depth, so that they stand side by side in
 //! one tree, and share the model-space zero.
 
-use super::build::{BuildOptions, BuildParts, PartPlace, build_around, leaf_centers, shape_of};
+use super::build::{
+    BuildOptions, BuildParts, PartPlace, PointNormals, build_around, leaf_centers, shape_of,
+};
 use super::closed::ClosedEvidence;
 use super::partition::TreePartition;
 use super::shape::TreeShape;
@@ -88,11 +90,12 @@ pub(crate) fn leaf_order(mesh: &Mesh, shape: &PartShape) -> Result<Vec<u32>, Err
 /// As [`super::build`]; no tree of the depth has so many leaves.
 pub(crate) fn build_part(
     mesh: Mesh,
-    part: PartPlace,
+    (part, point_normals): (PartPlace, PointNormals),
     progress: &dyn Progress,
 ) -> Result<(Model, ClosedEvidence), Error> {
     let options = BuildOptions {
         keeps_origin: true,
+        point_normals,
         ..BuildOptions::default()
     };
     let parts = BuildParts {

@@ -1,6 +1,6 @@
 //! Distance of each point of a cloud to its neighbors, found through the tree's own order.
 
-use super::neighborhood::closing_share;
+use super::neighborhood::{NeighborPlane, plane_of};
 use super::shape::TreeShape;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -8,6 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The radius of a point is the distance to the neighbor of this rank (QSplat, section 2.2, leaves the number open).
 pub(super) const NEIGHBORS: usize = 6;
+
+/// Neighbors by which it is told whether there is a surface, and how it lies: of six any few can be in a plane by chance.
+const LOOKED_AT: usize = 12;
 
 /// A point that stands apart, off the surface of a scan, is far from all others. Its radius is at most this many times the
 /// median of its neighbors' radii, so that it is a dot and no box. Where a cloud is sparse its neighbors are as far apart
@@ -17,6 +20,19 @@ const MOST_OF_NEIGHBORS: f32 = 3.0;
 /// Several points that stand apart together are each other's neighbors: of those no more counts than this many times the
 /// median of those around.
 const MOST_AROUND: f32 = 1.5;
+
+/// Points without a surface (leaves, dust) are no larger than this many times the median of those with one, where these are at
+/// least a tenth: a scanner puts its points as densely on both, and nothing has to be closed.
+const MOST_OF_SURFACE: f32 = 1.5;
+
+/// What is known of the points of a cloud by their neighbors, in the order of the tree.
+#[derive(Debug, Default)]
+pub(super) struct CloudSpacing {
+    /// Radius of each.
+    pub(super) radii: Vec<f32>,
+    /// Normal of each, either way around; zero where there is no surface. Empty unless it was asked for.
+    pub(super) normals: Vec<Vec3>,
+}
 
 /// Spacing at a point.
 #[derive(Debug, Clone, Copy, Default)]
@@ -53,18 +69,18 @@ impl Bounds {
 /// The nearest neighbors found so far, at different places: coincident points count once, and the point itself never.
 struct NearestPoints {
     at: Vec3,
-    found: [(f32, Vec3); NEIGHBORS],
+    found: [(f32, Vec3); LOOKED_AT],
     /// Which points they are, or one of those in the place.
-    indices: [u32; NEIGHBORS],
+    indices: [u32; LOOKED_AT],
     count: usize,
 }
 
 impl NearestPoints {
     fn worst(&self) -> f32 {
-        if self.count < NEIGHBORS {
+        if self.count < LOOKED_AT {
             f32::INFINITY
         } else {
-            self.found[NEIGHBORS - 1].0
+            self.found[LOOKED_AT - 1].0
         }
     }
 
@@ -80,8 +96,8 @@ impl NearestPoints {
         if p == self.at || self.found[..self.count].iter().any(|&(_, q)| q == p) {
             return;
         }
-        let mut place = self.count.min(NEIGHBORS - 1);
-        self.count = (self.count + 1).min(NEIGHBORS);
+        let mut place = self.count.min(LOOKED_AT - 1);
+        self.count = (self.count + 1).min(LOOKED_AT);
         while place > 0 && self.found[place - 1].0 > distance {
             self.found[place] = self.found[place - 1];
             self.indices[place] = self.indices[place - 1];
@@ -92,16 +108,19 @@ impl NearestPoints {
     }
 }
 
-/// For each of `points`, in tree order, the distance to its sixth nearest other place; to the farthest one if there are
-/// fewer places, 0 if there is none; less where a point stands apart ([`MOST_OF_NEIGHBORS`]). Where its neighbors make no
-/// surface it is less too ([`closing_share`]), and at most the median of those around. Deterministic. About O(n log n) also for coincident points. `stop` ends it early with
-/// zeros; `done` hears of numbers of finished points.
-pub(super) fn radii(
+/// For each of `points`, in tree order, a radius: the distance to its sixth nearest other place; to the farthest one if there
+/// are fewer places, 0 if there is none; less where a point stands apart ([`MOST_OF_NEIGHBORS`]). Where its neighbors make no
+/// surface it is less too ([`plane_of`]), at most the median of those around and little more than that of all with a surface
+/// ([`MOST_OF_SURFACE`]). With `with_normals` the normals of their planes, too.
+///
+/// Deterministic. About O(n log n) also for coincident points. `stop` ends it early with zeros; `done` hears of numbers of
+/// finished points.
+pub(super) fn measure(
     shape: &TreeShape,
     points: &[Vec3],
-    stop: &AtomicBool,
-    done: &(dyn Fn(u64) + Sync),
-) -> Vec<f32> {
+    with_normals: bool,
+    (stop, done): (&AtomicBool, &(dyn Fn(u64) + Sync)),
+) -> CloudSpacing {
     let boxes = boxes(shape, points);
     let search = SpacingSearch {
         shape,
@@ -109,29 +128,59 @@ pub(super) fn radii(
         boxes: &boxes,
     };
     let mut spacings = vec![PointSpacing::default(); points.len()];
+    let mut normals = vec![Vec3::ZERO; if with_normals { points.len() } else { 0 }];
     let chunk = (points.len() / 2048).max(4096);
+    // One empty list for each chunk where there are no normals.
+    let of_normals: Vec<&mut [Vec3]> = match with_normals {
+        true => normals.chunks_mut(chunk).collect(),
+        false => points.chunks(chunk).map(|_| Default::default()).collect(),
+    };
     spacings
         .par_chunks_mut(chunk)
+        .zip(of_normals)
         .enumerate()
-        .for_each(|(index, spacings)| {
+        .for_each(|(index, (spacings, normals))| {
             if stop.load(Ordering::Relaxed) {
                 return;
             }
             for (offset, spacing) in spacings.iter_mut().enumerate() {
-                *spacing = search.spacing((index * chunk + offset) as u32);
+                let (found, plane) = search.spacing((index * chunk + offset) as u32);
+                *spacing = found;
+                if let Some(normal) = normals.get_mut(offset) {
+                    *normal = plane.normal;
+                }
             }
             done(spacings.len() as u64);
         });
+    let most = most_without_surface(&spacings);
     let limited: Vec<(u32, f32)> = spacings
         .par_chunks(AROUND)
         .enumerate()
         .with_min_len(64)
-        .flat_map_iter(|(chunk, own)| search.limited(&spacings, chunk * AROUND, own, stop))
+        .flat_map_iter(|(chunk, own)| search.limited(&spacings, (chunk * AROUND, own, most), stop))
         .collect();
     for (index, radius) in limited {
         spacings[index as usize].radius = radius;
     }
-    spacings.into_iter().map(|spacing| spacing.radius).collect()
+    CloudSpacing {
+        radii: spacings.into_iter().map(|spacing| spacing.radius).collect(),
+        normals,
+    }
+}
+
+/// The largest radius of a point without a surface ([`MOST_OF_SURFACE`]).
+fn most_without_surface(spacings: &[PointSpacing]) -> f32 {
+    // Some thousands say as much as all.
+    const SAMPLES: usize = 1 << 14;
+    let step = spacings.len().div_ceil(SAMPLES).max(1);
+    let samples = spacings.iter().step_by(step);
+    let count = samples.clone().count();
+    let with_surface = samples.filter(|own| !own.is_scattered && own.radius > 0.0);
+    let mut radii: Vec<f32> = with_surface.map(|own| own.radius).collect();
+    match radii.len() * 10 >= count {
+        true if !radii.is_empty() => MOST_OF_SURFACE * median(&mut radii),
+        _ => f32::INFINITY,
+    }
 }
 
 /// The upper median; 0 of nothing.
@@ -188,8 +237,7 @@ impl SpacingSearch<'_> {
     fn limited(
         &self,
         spacings: &[PointSpacing],
-        first: usize,
-        own: &[PointSpacing],
+        (first, own, most_without_surface): (usize, &[PointSpacing], f32),
         stop: &AtomicBool,
     ) -> Vec<(u32, f32)> {
         if stop.load(Ordering::Relaxed) {
@@ -207,13 +255,14 @@ impl SpacingSearch<'_> {
                     },
                 )| {
                     if is_scattered {
-                        return (radius > around).then_some((index, around));
+                        let most = around.min(most_without_surface);
+                        return (radius > most).then_some((index, most));
                     }
                     if radius <= MOST_OF_NEIGHBORS * around {
                         return None;
                     }
                     let nearest = self.nearest(index);
-                    let mut theirs: Vec<f32> = nearest.indices[..nearest.count]
+                    let mut theirs: Vec<f32> = nearest.indices[..nearest.count.min(NEIGHBORS)]
                         .iter()
                         .map(|&neighbor| spacings[neighbor as usize].radius)
                         .collect();
@@ -224,25 +273,25 @@ impl SpacingSearch<'_> {
             .collect()
     }
 
-    fn spacing(&self, index: u32) -> PointSpacing {
+    fn spacing(&self, index: u32) -> (PointSpacing, NeighborPlane) {
         let nearest = self.nearest(index);
-        let Some(&(farthest, _)) = nearest.found[..nearest.count].last() else {
-            return PointSpacing::default();
-        };
         let around = nearest.found[..nearest.count].iter();
-        let share = closing_share(around.map(|&(_, p)| p - nearest.at));
-        PointSpacing {
-            radius: farthest.sqrt() * share,
-            is_scattered: share < 1.0,
-        }
+        let plane = plane_of(around.map(|&(_, p)| p - nearest.at));
+        let counted = &nearest.found[..nearest.count.min(NEIGHBORS)];
+        let farthest = counted.last().map_or(0.0, |own| own.0);
+        let spacing = PointSpacing {
+            radius: farthest.sqrt() * plane.share,
+            is_scattered: plane.share < 1.0,
+        };
+        (spacing, plane)
     }
 
     fn nearest(&self, index: u32) -> NearestPoints {
         let at = self.points[index as usize];
         let mut nearest = NearestPoints {
             at,
-            found: [(0.0, Vec3::ZERO); NEIGHBORS],
-            indices: [0; NEIGHBORS],
+            found: [(0.0, Vec3::ZERO); LOOKED_AT],
+            indices: [0; LOOKED_AT],
             count: 0,
         };
         // Upward from the point: at each ancestor, whatever lies beside the path. The first few find close neighbors, and
@@ -287,6 +336,23 @@ impl SpacingSearch<'_> {
 mod tests {
     use super::*;
 
+    fn measured(count: u32, points: &[Vec3]) -> Vec<f32> {
+        let shape = TreeShape::new(count);
+        measure(&shape, points, false, (&AtomicBool::new(false), &|_| {})).radii
+    }
+
+    /// Distance to the sixth nearest other place, or to the farthest.
+    fn sixth(points: &[Vec3], index: usize) -> f32 {
+        let own = points[index];
+        let mut places: Vec<Vec3> = points.iter().copied().filter(|p| *p != own).collect();
+        places.sort_by(|a, b| a.to_array().partial_cmp(&b.to_array()).unwrap());
+        places.dedup();
+        let mut far: Vec<f32> = places.iter().map(|p| p.distance_squared(own)).collect();
+        far.sort_by(f32::total_cmp);
+        far.truncate(NEIGHBORS);
+        far.last().map_or(0.0, |far| far.sqrt())
+    }
+
     fn brute_force(points: &[Vec3], index: usize) -> PointSpacing {
         let mut places: Vec<Vec3> = points
             .iter()
@@ -297,14 +363,10 @@ mod tests {
         places.dedup();
         let own = points[index];
         places.sort_by(|a, b| a.distance_squared(own).total_cmp(&b.distance_squared(own)));
-        places.truncate(NEIGHBORS);
-        let around = places.iter().map(|&p| p - own);
-        let share = closing_share(around);
+        places.truncate(LOOKED_AT);
+        let share = plane_of(places.iter().map(|&p| p - own)).share;
         PointSpacing {
-            radius: places
-                .last()
-                .map_or(0.0, |p| p.distance_squared(own).sqrt())
-                * share,
+            radius: sixth(points, index) * share,
             is_scattered: share < 1.0,
         }
     }
@@ -316,7 +378,7 @@ mod tests {
         let around = median(&mut of(&raw[chunk..raw.len().min(chunk + AROUND)]));
         let own = raw[index];
         if own.is_scattered {
-            return own.radius.min(around);
+            return own.radius.min(around).min(most_without_surface(raw));
         }
         let mut order: Vec<usize> = (0..points.len())
             .filter(|&i| points[i] != points[index])
@@ -355,13 +417,7 @@ mod tests {
             }
         }
         let (points, least): (Vec<Vec3>, Vec<f32>) = points.into_iter().unzip();
-        let never = AtomicBool::new(false);
-        let found = radii(
-            &TreeShape::new(points.len() as u32),
-            &points,
-            &never,
-            &|_| {},
-        );
+        let found = measured(points.len() as u32, &points);
         for (index, (radius, least)) in found.into_iter().zip(least).enumerate() {
             // In a corner of a lattice the sixth neighbor is two diagonals away.
             assert!(
@@ -386,17 +442,13 @@ mod tests {
                 let points: Vec<Vec3> = (0..n)
                     .map(|_| (Vec3::new(random(), random(), random()) * cells).floor())
                     .collect();
-                let radii = radii(
-                    &TreeShape::new(n as u32),
-                    &points,
-                    &AtomicBool::new(false),
-                    &|_| {},
-                );
+                let radii = measured(n as u32, &points);
                 let raw: Vec<PointSpacing> =
                     (0..n).map(|index| brute_force(&points, index)).collect();
                 for (index, radius) in radii.into_iter().enumerate() {
-                    // Of equally far neighbors any may be the last: no exact number where that decides.
-                    if cells < 100.0 && radius != raw[index].radius {
+                    // Of equally far neighbors any may be the last, and the plane is that of those that are found.
+                    if cells < 100.0 {
+                        assert!(radius <= sixth(&points, index), "{n} points, {cells} cells");
                         continue;
                     }
                     assert_eq!(
@@ -413,12 +465,7 @@ mod tests {
     fn coincident_points_do_not_take_quadratic_time() {
         let n = 200_000;
         let points: Vec<Vec3> = (0..n).map(|i| Vec3::splat((i * 3 / n) as f32)).collect();
-        let radii = radii(
-            &TreeShape::new(n as u32),
-            &points,
-            &AtomicBool::new(false),
-            &|_| {},
-        );
+        let radii = measured(n as u32, &points);
         assert_eq!(radii[0], 12f32.sqrt());
         assert_eq!(radii[n / 2], 3f32.sqrt());
     }

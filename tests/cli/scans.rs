@@ -44,8 +44,7 @@ fn what_is_kept_is_counted_and_drawn_and_nothing_else() {
     assert!(info.json()["remarks"].to_string().contains(remark));
     // Points of a pixel know no spacing: the picture is that of a file with nothing else.
     let render = |file: &str, more: &str| {
-        let shown =
-            "--method points --threshold 3 --samples 1 --backend reference --camera @c.json";
+        let shown = "--method points --threshold 3 --samples 1 --backend reference --camera @c.json --point-normals file";
         let made = run(at, &format!("render @{file} -o @a.png {shown} {more}"));
         assert_eq!(made.code, 0, "{}", made.err);
         fs::read(at.join("a.png")).unwrap()
@@ -259,5 +258,47 @@ fn what_is_kept_is_exported_exactly() {
             "{arguments}: {}",
             run.err
         );
+    }
+}
+
+#[test]
+fn points_without_normals_are_given_those_of_planes_through_their_neighbors() {
+    let made = tempfile::tempdir().unwrap();
+    let at = made.path();
+    written(at, "all.csv", &rows(|_| true));
+    let normals = |arguments: &str| {
+        let info = run(at, &format!("info --json {arguments}"));
+        assert_eq!(info.code, 0, "{}", info.err);
+        let facts = info.json();
+        let count = facts["with_normals"].as_u64().unwrap();
+        (count, facts["has_estimated_normals"].as_bool().unwrap())
+    };
+    assert_eq!(normals("@all.csv"), (100, true));
+    assert_eq!(normals("@all.csv --point-normals file"), (0, false));
+    let info = run(at, "info @all.csv").text();
+    assert!(info.contains("normals of 100 points estimated"), "{info}");
+    // A tree file keeps them, and so does a paged one.
+    for kind in ["", "--paged", "--memory 256MiB"] {
+        let build = run(at, &format!("build @all.csv -o @t.surfel -q {kind}"));
+        assert_eq!(build.code, 0, "{}", build.err);
+        let drawn = |name: &str| {
+            let made = run(
+                at,
+                &format!(
+                    "render @{name} --color-by normal --backend cpu --samples 1 --size 60x60 -o @n.png"
+                ),
+            );
+            assert_eq!(made.code, 0, "{}", made.err);
+            image::open(at.join("n.png")).unwrap().into_rgb8()
+        };
+        let (of_file, of_tree) = (drawn("all.csv"), drawn("t.surfel"));
+        let pairs = || of_file.pixels().zip(of_tree.pixels());
+        let far = pairs()
+            .filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > 6))
+            .count();
+        // The slope has one normal, and pages round it to a degree; their squares are a little larger.
+        assert!(far * 10 < pairs().count(), "{kind}: {far}");
+        let slope = of_tree.get_pixel(30, 30);
+        assert!(slope[2] > 200 && slope[0] != slope[2], "{kind}: {slope:?}");
     }
 }

@@ -180,6 +180,7 @@ fn check_facts(facts: &Value, file_bytes: u64) {
             "file_bytes",
             "format",
             "has_colors",
+            "has_estimated_normals",
             "is_closed",
             "is_cloud",
             "load_ms",
@@ -194,7 +195,8 @@ fn check_facts(facts: &Value, file_bytes: u64) {
             "tree",
             "triangles",
             "used_vertices",
-            "vertices"
+            "vertices",
+            "with_normals"
         ]
     );
     assert_eq!(facts["file_bytes"], file_bytes);

@@ -34,7 +34,7 @@ use crate::mesh::normals::{self, Weighting};
 use crate::mesh::stream::{MeshStream, StreamError, StreamFacts, VertexPiece};
 use crate::mesh::{Mesh, creases, origin_of, recentered_zero};
 use crate::progress::{Progress, Silent};
-use crate::tree::{self, BuildOptions, Error, PartPlace, PartShape, build_part};
+use crate::tree::{self, BuildOptions, Error, PartPlace, PartShape, PointNormals, build_part};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -50,6 +50,8 @@ pub struct ExternalOptions {
     pub chunk_leaves: u64,
     /// Angle beyond which edges are sharp, of a surface without normals; degrees.
     pub crease_degrees: Option<f32>,
+    /// Which normals points have. Those that are estimated are by the neighbors of the same chunk.
+    pub point_normals: PointNormals,
     /// Bytes of a table with a word for each vertex; where it holds not all, it takes several looks.
     pub table_bytes: u64,
 }
@@ -60,6 +62,7 @@ impl Default for ExternalOptions {
             pages: PagedOptions::default(),
             chunk_leaves: 1 << 19,
             crease_degrees: None,
+            point_normals: PointNormals::File,
             table_bytes: 64 << 20,
         }
     }
@@ -312,6 +315,7 @@ impl ExternalBuild<'_> {
         let options = BuildOptions {
             crease_degrees: self.options.crease_degrees,
             keeps_origin: true,
+            point_normals: self.options.point_normals,
             ..BuildOptions::default()
         };
         let model = tree::build(mesh, &options, self.progress)?;
@@ -507,7 +511,8 @@ impl ExternalBuild<'_> {
         for chunk in 0..work.skeleton.chunk_count() {
             self.stop()?;
             let (mesh, steps) = self.chunk_mesh(work, chunk)?;
-            let (model, evidence) = build_part(mesh, work.skeleton.place(), &Silent)?;
+            let place = (work.skeleton.place(), self.options.point_normals);
+            let (model, evidence) = build_part(mesh, place, &Silent)?;
             let roots: Vec<Option<u32>> = model.tree.level(level).map(Some).collect();
             let grid = VertexGrid::new(&model, &roots, steps);
             let pages: Vec<EncodedPage> = leaf_pages(&model, &roots, &grid, (colors, None));

@@ -1,0 +1,195 @@
+//! Estimated normals of a cloud's points, turned so that means of many do not cancel.
+//!
+//! A plane through the neighbors of a point ([`super::neighborhood`]) has two normals. Light falls on both sides of a cloud, so
+//! either is right for a point; but a node has the mean of the normals below, which needs them on one side. Hoppe, DeRose,
+//! Duchamp, McDonald and Stuetzle, *Surface Reconstruction from Unorganized Points* (1992), carry the side along a spanning
+//! tree of near points. Here the tree of the cloud is that: from the lowest nodes up, whole subtrees are turned where that makes the
+//! sum of a node's normals longer. It takes time in proportion to the points and all threads.
+
+use super::shape::TreeShape;
+use crate::abi::Vertex;
+use crate::math::octahedral;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Turns normals (zero: none) so that the sum of those below each node is as long as turning its children can make it. Weights
+/// are those of the points in the sums. The sum of all points upward, along z.
+pub(super) fn orient(shape: &TreeShape, weights: &[f32], normals: &mut [Vec3]) {
+    let mut sums: Vec<Vec3> = (normals.par_iter().zip(weights))
+        .map(|(normal, weight)| *normal * weight.max(f32::MIN_POSITIVE))
+        .collect();
+    // Of each level from the lowest up, which children are turned.
+    let mut turned: Vec<Vec<bool>> = Vec::new();
+    for level in shape.levels.iter().rev() {
+        let starts = &level.child_starts;
+        let nodes: Vec<(Vec3, [bool; 4])> = (starts.par_windows(2).with_min_len(1024))
+            .map(|pair| longest_sum(&sums[pair[0] as usize..pair[1] as usize]))
+            .collect();
+        let mut own = vec![false; sums.len()];
+        for (pair, (_, turns)) in starts.windows(2).zip(&nodes) {
+            own[pair[0] as usize..pair[1] as usize]
+                .copy_from_slice(&turns[..(pair[1] - pair[0]) as usize]);
+        }
+        turned.push(own);
+        sums = nodes.into_iter().map(|(sum, _)| sum).collect();
+    }
+    // What turns a node turns all below it.
+    let mut above = vec![sums.first().is_some_and(|sum| sum.z < 0.0)];
+    for (level, own) in shape.levels.iter().zip(turned.iter_mut().rev()) {
+        for (pair, above) in level.child_starts.windows(2).zip(&above) {
+            for child in &mut own[pair[0] as usize..pair[1] as usize] {
+                *child ^= above;
+            }
+        }
+        above.clone_from(own);
+    }
+    (normals.par_iter_mut().zip(&above))
+        .filter(|(_, turns)| **turns)
+        .for_each(|(normal, _)| *normal = -*normal);
+}
+
+/// The longest sum of up to four vectors, each as it is or turned, and which are turned; the first never is.
+fn longest_sum(vectors: &[Vec3]) -> (Vec3, [bool; 4]) {
+    let mut best = (Vec3::ZERO, [false; 4]);
+    let mut longest = -1.0;
+    for choice in 0..1u32 << (vectors.len().clamp(1, 4) - 1) {
+        let turns = [false, choice & 1 != 0, choice & 2 != 0, choice & 4 != 0];
+        let own = vectors.iter().zip(turns);
+        let sum: Vec3 = own.map(|(v, turns)| if turns { -*v } else { *v }).sum();
+        if sum.length_squared() > longest {
+            longest = sum.length_squared();
+            best = (sum, turns);
+        }
+    }
+    best
+}
+
+/// Gives points their normals, where they have some.
+pub(super) fn give(vertices: &mut [Vertex], normals: &[Vec3]) {
+    let pairs = vertices.par_iter_mut().zip(normals);
+    pairs
+        .filter(|(_, normal)| **normal != Vec3::ZERO)
+        .for_each(|(vertex, normal)| {
+            vertex.normal = octahedral::encode(*normal);
+            vertex.color[3] = 255;
+        });
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use crate::math::octahedral;
+    use crate::mesh::Mesh;
+    use crate::progress::Silent;
+    use crate::tree::{BuildOptions, Model, PointNormals, build};
+    use glam::Vec3;
+
+    fn estimated(positions: Vec<Vec3>) -> Model {
+        let mesh = Mesh {
+            positions,
+            ..Mesh::default()
+        };
+        let options = BuildOptions {
+            point_normals: PointNormals::Estimate,
+            ..BuildOptions::default()
+        };
+        build(mesh, &options, &Silent).unwrap()
+    }
+
+    #[test]
+    fn normals_of_a_sphere_are_its_own_and_nodes_keep_them() {
+        // Fibonacci's points: even, and no two neighborhoods alike.
+        let count = 20_000;
+        let at = |i: i32| {
+            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+            let turn = f64::from(i) * std::f64::consts::PI * (3.0 - 5f64.sqrt());
+            let r = (1.0 - z * z).sqrt();
+            glam::DVec3::new(r * turn.cos(), r * turn.sin(), z).as_vec3()
+        };
+        let model = estimated((0..count).map(at).collect());
+        let mut largest = 0f32;
+        for vertex in &model.vertices {
+            assert_eq!(vertex.color[3], 255);
+            let place = vertex.position + model.origin.as_vec3();
+            let own = octahedral::decode(vertex.normal);
+            largest = largest.max(own.dot(place.normalize()).abs().min(1.0).acos());
+        }
+        // The neighbors reach 3 degrees far, not quite evenly.
+        assert!(largest.to_degrees() < 0.7, "{}", largest.to_degrees());
+        // Below nodes of some sixteen points all normals are on one side.
+        let tree = &model.tree;
+        let level = tree.level(tree.level_count() - 2);
+        let count = level.len();
+        let torn = level.filter(|&id| {
+            let below = tree.leaf_range(id).map(|leaf| leaf as usize);
+            let normals = below.map(|leaf| octahedral::decode(model.vertices[leaf].normal));
+            let own = tree.attributes[id as usize];
+            !own.has_normal() || normals.into_iter().any(|n| n.dot(own.normal()) < 0.0)
+        });
+        assert!(torn.count() * 100 <= count, "of {count}");
+    }
+
+    #[test]
+    fn what_is_no_surface_has_none_and_ground_looks_up() {
+        let mut state = 7u64;
+        let mut random = move || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 40) as f32 / (1u64 << 24) as f32
+        };
+        // Ground of 80 x 80 with noise, and leaves over a part of it.
+        let mut places: Vec<Vec3> = (0..6400)
+            .map(|i| Vec3::new((i % 80) as f32, (i / 80) as f32, 0.05 * random()))
+            .collect();
+        places.extend((0..2000).map(|_| {
+            Vec3::new(
+                20.0 + 20.0 * random(),
+                30.0 + 20.0 * random(),
+                10.0 + 20.0 * random(),
+            )
+        }));
+        let model = estimated(places);
+        let (mut ground, mut up, mut leaves, mut lit) = (0, 0, 0, 0);
+        for vertex in &model.vertices {
+            let has_normal = vertex.color[3] != 0;
+            if vertex.position.z + (model.origin.z as f32) < 5.0 {
+                ground += 1;
+                up += usize::from(has_normal && octahedral::decode(vertex.normal).z > 0.95);
+            } else {
+                leaves += 1;
+                lit += usize::from(has_normal);
+            }
+        }
+        assert!(up * 100 >= ground * 99, "{up} of {ground}");
+        assert!(lit * 4 < leaves, "{lit} of {leaves}");
+        // Leaves stand apart as far as 2, and are drawn as dots of the ground's size.
+        let radius = |index: usize| model.tree.leaves[index].radius;
+        let largest = (0..model.vertices.len())
+            .filter(|&i| model.vertices[i].color[3] == 0)
+            .map(radius);
+        assert!(largest.fold(0.0, f32::max) < 2.2);
+        // Normals that are there are never computed.
+        let plane = (0..400).map(|i| Vec3::new((i % 20) as f32, (i / 20) as f32, 0.0));
+        let mesh = Mesh {
+            positions: plane.collect(),
+            normals: vec![Vec3::X; 400],
+            ..Mesh::default()
+        };
+        let options = BuildOptions {
+            point_normals: PointNormals::Estimate,
+            ..BuildOptions::default()
+        };
+        let kept = build(mesh.clone(), &options, &Silent).unwrap();
+        let all = kept
+            .vertices
+            .iter()
+            .map(|own| octahedral::decode(own.normal));
+        assert!(all.into_iter().all(|n| n.dot(Vec3::X) > 0.999));
+        let without = BuildOptions {
+            point_normals: PointNormals::None,
+            ..BuildOptions::default()
+        };
+        assert!(build(mesh, &without, &Silent).unwrap().lacks_normals());
+    }
+}
