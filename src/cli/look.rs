@@ -218,9 +218,9 @@ pub(crate) struct LookArgs {
     /// 1 to 1.5 are drawn as 1, which is faster and more exact [default: 1, or the scene's]
     #[arg(long, short, value_name = "PIXELS")]
     threshold: Option<f32>,
-    /// What a splat looks like
-    #[arg(long, value_enum, default_value = "square")]
-    splat: SplatName,
+    /// What a splat looks like [default: square; on points in surfel render and the window disc]
+    #[arg(long, value_enum)]
+    splat: Option<SplatName>,
     #[command(flatten)]
     vertex_splats: VertexSplatArgs,
     #[command(flatten)]
@@ -343,6 +343,18 @@ impl LookArgs {
         }
     }
 
+    /// Takes discs, for points that a person looks at, where no splat is named: squares of several pixels are boxes.
+    pub(crate) fn default_discs(&mut self) {
+        if self.method == MethodName::Pop {
+            self.splat.get_or_insert(SplatName::Disc);
+        }
+    }
+
+    /// Tells whether a splat is named.
+    pub(crate) fn names_splat(&self) -> bool {
+        self.splat.is_some()
+    }
+
     /// Whether the method follows from a bound.
     pub(crate) fn is_auto(&self) -> bool {
         self.method == MethodName::Auto
@@ -396,7 +408,7 @@ impl LookArgs {
                 )));
             }
             let blend = self.blend.map(Blend::from);
-            if self.splat != SplatName::Gauss || blend.is_some_and(|b| b != Blend::TwoPass) {
+            if self.splat != Some(SplatName::Gauss) || blend.is_some_and(|b| b != Blend::TwoPass) {
                 return Err(usage(
                     "--low-pass smooths the rims of gauss splats blended in two passes; use --splat gauss",
                 ));
@@ -405,7 +417,7 @@ impl LookArgs {
         let (background, background_bottom) = self.background.colors()?;
         Ok(Settings {
             method: self.method.into(),
-            splat: self.splat.into(),
+            splat: self.splat.unwrap_or(SplatName::Square).into(),
             vertex_splats: self.vertex_splats.rules(self.method.into())?,
             patches: self.errors.rules(self.method.into())?,
             blend: self.blend.map(Blend::from),

@@ -455,11 +455,12 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         args.look.default_threshold(scene.threshold_px);
         settings = args.look.settings_to_choose()?;
     }
+    let is_surface = !ready.has_points();
+    if !is_surface && args.scene.is_none() {
+        args.look.default_discs();
+        settings = args.look.settings_to_choose()?;
+    }
     let is_smooth = args.is_smooth(&settings);
-    let is_surface = match &ready.paged {
-        Some(file) => file.is_surface(),
-        None => ready.model.kind().is_surface(),
-    };
     if is_smooth && let Some(threshold) = smooth_threshold(&settings, is_surface) {
         args.look.default_threshold(threshold);
         settings = args.look.settings_to_choose()?;

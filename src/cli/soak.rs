@@ -168,6 +168,7 @@ fn play(
         backend,
         frame_ms,
         smooths: true,
+        splat_by_model: true,
         watches: false,
         gpu: DeviceOptions {
             device: Some(device),

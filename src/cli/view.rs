@@ -221,6 +221,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         placements,
         opening,
         smooths: args.smooth == Switch::On,
+        splat_by_model: !args.look.names_splat() && settings.method == surfel::render::Method::Pop,
         watches: args.watch,
         up: args.up.named(),
         photos: PhotographOptions {

@@ -91,6 +91,14 @@ fn what_leaves_are(model: &Model) -> &'static str {
 }
 
 impl OpenedModel {
+    /// Tells whether its leaves are points.
+    pub fn has_points(&self) -> bool {
+        match &self.paged {
+            Some(file) => !file.is_surface(),
+            None => self.model.kind().is_points(),
+        }
+    }
+
     /// The part of the model that a filter keeps, with a remark on how much that is.
     ///
     /// # Errors

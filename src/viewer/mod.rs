@@ -174,6 +174,8 @@ pub struct ViewerOptions {
     pub photos: PhotographOptions,
     /// A picture gets smoother while the view rests.
     pub smooths: bool,
+    /// Whether squares and discs follow from what is shown: discs on points, squares on surfaces.
+    pub splat_by_model: bool,
     /// Files are opened again when they have changed.
     pub watches: bool,
     /// The axis that is up; none: as each model's format and place tell.

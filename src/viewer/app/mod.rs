@@ -31,7 +31,7 @@ use crate::math::camera::{Camera, Light};
 use crate::math::up_axis::UpAxis;
 use crate::mesh::attributes::PointAttributes;
 use crate::pack::{Lighting, Phong};
-use crate::render::{Method, Settings};
+use crate::render::{Method, Settings, SplatKind};
 use crate::tree::{Model, OrbitSphere};
 use commands::TurntableRun;
 use glam::DVec2;
@@ -423,6 +423,20 @@ impl ViewerApp {
         }
     }
 
+    /// Takes discs on points and squares on surfaces, where nobody has said which.
+    fn take_splat(&mut self) {
+        let of_points = match self.settings.splat {
+            SplatKind::Square | SplatKind::Disc if self.options.splat_by_model => {
+                self.screen.has_points()
+            }
+            _ => return,
+        };
+        self.settings.splat = match of_points {
+            true => SplatKind::Disc,
+            false => SplatKind::Square,
+        };
+    }
+
     /// Looks at the model that the screen has.
     fn take_model(
         &mut self,
@@ -446,6 +460,7 @@ impl ViewerApp {
         if self.screen.model().is_none() {
             return Ok(());
         }
+        self.take_splat();
         let models = self.screen.models();
         let sum = |of: &dyn Fn(&Model) -> u64| models.iter().map(|model| of(model)).sum();
         self.facts = (!is_preview).then(|| PanelFacts {

@@ -57,6 +57,14 @@ impl WindowScreen {
         matches!(self.pages.first(), Some(Some(_)))
     }
 
+    /// Whether the leaves of the first model are points.
+    pub(in crate::viewer) fn has_points(&self) -> bool {
+        match self.pages.first() {
+            Some(Some(pages)) => !pages.file().is_surface(),
+            _ => (self.model()).is_some_and(|model| model.kind().is_points()),
+        }
+    }
+
     /// All models, the first one first.
     pub(in crate::viewer) fn models(&self) -> Vec<&Model> {
         self.model
