@@ -224,14 +224,14 @@ impl<'d> Window<'d> {
     pub(crate) fn open_in(display: &'d Display, folder: &Path, arguments: &[&str]) -> Self {
         let mut command = display.surfel(arguments);
         command.current_dir(folder);
-        // Most tests compare a window's frames with pictures of one sample.
-        if !arguments.contains(&"--smooth") {
-            command.args(["--smooth", "off"]);
-        }
         Self::start(display, command)
     }
 
+    /// Starts a window that shows frames of one sample, with which most tests compare it, unless the command says otherwise.
     pub(crate) fn start(display: &'d Display, mut command: Command) -> Self {
+        if !command.get_args().any(|word| word == "--smooth") {
+            command.args(["--smooth", "off"]);
+        }
         let mut process = command
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
