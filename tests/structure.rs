@@ -128,6 +128,7 @@ const LAYERS: &[Layer] = &[
             "progress",
             "math",
             "printable",
+            "mesh",
             "abi",
             "tree",
             "cut",

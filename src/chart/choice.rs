@@ -1,7 +1,20 @@
 //! What is measured: a method with its splat, its path and its threshold.
 
+use crate::oriented::splats::{LevelLeaf, SplatRules};
 use crate::patches::{ErrorTolerances, PatchRules};
 use crate::render::{Method, Path, Settings, SplatKind};
+
+/// Records that splats are made from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RecordSource {
+    /// Nodes and leaves of the tree.
+    Tree,
+    /// Error patches of nodes, whatever their size, once their error is small; then the threshold is their tolerance elsewhere
+    /// than at silhouettes ([`ErrorTolerances::within`]), and what is no patch is drawn at a pixel.
+    Patches,
+    /// Vertices, cut at sharp edges, with levels by the threshold.
+    Vertices,
+}
 
 /// One way to draw a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -10,9 +23,8 @@ pub struct DrawConfiguration {
     pub method: Method,
     /// What its splats look like; of no account for triangles.
     pub splat: SplatKind,
-    /// Nodes are error patches, whatever their size, once their error is small; then the threshold is their tolerance
-    /// elsewhere than at silhouettes ([`ErrorTolerances::within`]), and what is no patch is drawn at a pixel.
-    pub has_patches: bool,
+    /// Origin of its splats.
+    pub source: RecordSource,
     /// By rasterizer or by compute, which are two lines of the chart. Left to the program is a third one where it then draws by neither:
     /// on software devices by the host ([`SplatKind::host_draws`]).
     pub path: Path,
@@ -24,7 +36,7 @@ pub struct DrawConfiguration {
 pub const TRIANGLES: DrawConfiguration = DrawConfiguration {
     method: Method::Triangles,
     splat: SplatKind::Square,
-    has_patches: false,
+    source: RecordSource::Tree,
     path: Path::Raster,
     threshold_px: 0.0,
 };
@@ -54,6 +66,8 @@ pub struct AvailablePaths {
     pub host: bool,
     /// Records of error patches of the model.
     pub patches: bool,
+    /// Splats from the vertices of the model.
+    pub vertices: bool,
 }
 
 #[cfg(test)]
@@ -62,16 +76,20 @@ impl AvailablePaths {
         compute: false,
         host: false,
         patches: false,
+        vertices: false,
     };
     pub(super) const ALL: Self = Self {
         compute: true,
         host: true,
         patches: true,
+        vertices: true,
     };
 }
 
-/// The name of patches in files.
+/// The name of error patches in files.
 const PATCH: &str = "patch";
+/// The name of splats from vertices in files.
+const VERTICES: &str = "vertices";
 
 /// The name that a value has in files.
 fn word(value: &impl serde::Serialize) -> String {
@@ -86,7 +104,7 @@ impl DrawConfiguration {
         Self {
             method,
             splat,
-            has_patches: false,
+            source: RecordSource::Tree,
             path: Path::Raster,
             threshold_px,
         }
@@ -94,15 +112,22 @@ impl DrawConfiguration {
 
     fn of_patches(tolerance_px: f32) -> Self {
         Self {
-            has_patches: true,
+            source: RecordSource::Patches,
             ..Self::new(Method::Pop, SplatKind::Square, tolerance_px)
+        }
+    }
+
+    fn of_vertices(threshold_px: f32) -> Self {
+        Self {
+            source: RecordSource::Vertices,
+            ..Self::new(Method::Splats, SplatKind::Square, threshold_px)
         }
     }
 
     /// Whether compute shaders can draw it on a device that has what they need.
     fn has_twin(&self) -> bool {
         match (self.method, self.splat) {
-            _ if self.has_patches => false,
+            _ if self.source != RecordSource::Tree => false,
             (Method::Pop, SplatKind::Square | SplatKind::Disc) => {
                 self.threshold_px <= crate::render::LARGEST_COMPUTE_SQUARE_PX
             }
@@ -157,6 +182,9 @@ impl DrawConfiguration {
         for tolerance in TOLERANCES.into_iter().filter(|_| has_patches) {
             all.extend(Self::of_patches(tolerance).by(ways));
         }
+        if ways.vertices && !is_cloud {
+            all.extend(thresholds.iter().map(|&t| Self::of_vertices(t)));
+        }
         all
     }
 
@@ -192,6 +220,9 @@ impl DrawConfiguration {
         for tolerance in [0.125, 0.25, 0.5, 1.0].into_iter().filter(|_| has_patches) {
             few.extend(Self::of_patches(tolerance).by(ways));
         }
+        if ways.vertices && !is_cloud {
+            few.extend([0.5, 1.0, 2.0, 4.0].map(Self::of_vertices));
+        }
         few
     }
 
@@ -203,21 +234,25 @@ impl DrawConfiguration {
             path: self.path,
             threshold_px: self.splat_px(),
             patches: self.rules(),
+            vertex_splats: (self.source == RecordSource::Vertices).then(|| SplatRules {
+                levels: Some(LevelLeaf::Splats),
+                ..SplatRules::usual()
+            }),
             ..Settings::default()
         }
     }
 
     /// Size from which on nodes are gone into, pixels.
     fn splat_px(&self) -> f32 {
-        match self.has_patches {
-            true => 1.0,
-            false => self.threshold_px,
+        match self.source {
+            RecordSource::Patches => 1.0,
+            RecordSource::Tree | RecordSource::Vertices => self.threshold_px,
         }
     }
 
     /// Rules for nodes that are patches; `None` where none is.
     fn rules(&self) -> Option<PatchRules> {
-        self.has_patches.then(|| PatchRules {
+        (self.source == RecordSource::Patches).then(|| PatchRules {
             tolerances: ErrorTolerances::within(self.threshold_px),
             ..PatchRules::default()
         })
@@ -225,9 +260,10 @@ impl DrawConfiguration {
 
     /// The word for what nodes are drawn as.
     fn shape(&self) -> String {
-        match self.has_patches {
-            true => PATCH.into(),
-            false => word(&self.splat),
+        match self.source {
+            RecordSource::Patches => PATCH.into(),
+            RecordSource::Vertices => VERTICES.into(),
+            RecordSource::Tree => word(&self.splat),
         }
     }
 
@@ -253,7 +289,7 @@ impl DrawConfiguration {
         format!("{}, {} px", self.line(), self.threshold_px)
     }
 
-    /// Method, splat (or patch) and path as they stand in files.
+    /// Method, splat (or what stands for it: patch, vertices) and path as they stand in files.
     pub fn words(&self) -> [String; 3] {
         [word(&self.method), self.shape(), word(&self.path)]
     }
@@ -268,10 +304,14 @@ impl DrawConfiguration {
         ]
         .into_iter()
         .find(|m| word(m) == method)?;
-        let has_patches = splat == PATCH;
-        let splat = match has_patches {
-            true => SplatKind::Square,
-            false => KINDS.into_iter().find(|s| word(s) == splat)?,
+        let source = match splat {
+            PATCH => RecordSource::Patches,
+            VERTICES => RecordSource::Vertices,
+            _ => RecordSource::Tree,
+        };
+        let splat = match source {
+            RecordSource::Tree => KINDS.into_iter().find(|s| word(s) == splat)?,
+            RecordSource::Patches | RecordSource::Vertices => SplatKind::Square,
         };
         let path = [Path::Raster, Path::Compute, Path::Auto]
             .into_iter()
@@ -280,7 +320,7 @@ impl DrawConfiguration {
         (threshold_px >= 0.0).then_some(Self {
             method,
             splat,
-            has_patches,
+            source,
             path,
             threshold_px,
         })
@@ -300,6 +340,12 @@ impl DrawConfiguration {
             } = tolerances;
             return format!(
                 "--method {method} --error {rim_px},{inside_px},{shade_levels} --path {path}"
+            );
+        }
+        if self.source == RecordSource::Vertices {
+            return format!(
+                "--method {method} --from vertices --levels splats --threshold {} --path {path}",
+                self.threshold_px
             );
         }
         format!(
@@ -384,6 +430,29 @@ mod tests {
         let found = lines(false, Path::Auto);
         assert_eq!(found[..3], by_host);
         assert_eq!(found[3..], ["pop patch, auto"]);
+        let of_vertices = |few: Vec<DrawConfiguration>| {
+            let of = few.into_iter().filter(|c| c.line() == "splats vertices");
+            of.map(|c| c.options()).collect::<Vec<_>>()
+        };
+        let few = of_vertices(DrawConfiguration::few(false, AvailablePaths::ALL));
+        assert_eq!(few.len(), 4);
+        assert_eq!(
+            few[1],
+            "--method splats --from vertices --levels splats --threshold 1 --path raster"
+        );
+        let none = AvailablePaths {
+            vertices: false,
+            ..AvailablePaths::ALL
+        };
+        for without in [
+            DrawConfiguration::few(false, none),
+            DrawConfiguration::all(&THRESHOLDS, false, none),
+            DrawConfiguration::all(&THRESHOLDS, true, AvailablePaths::ALL),
+        ] {
+            assert!(of_vertices(without).is_empty());
+        }
+        let all = DrawConfiguration::all(&THRESHOLDS, false, AvailablePaths::ALL);
+        assert_eq!(of_vertices(all).len(), THRESHOLDS.len());
         let of_cloud = [
             "splats gauss, compute",
             "splats visibility, compute",

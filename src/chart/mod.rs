@@ -18,7 +18,7 @@ mod row;
 pub mod run;
 pub mod summary;
 
-pub use choice::{AvailablePaths, DrawConfiguration};
+pub use choice::{AvailablePaths, DrawConfiguration, RecordSource};
 pub use frontier::frontier;
 pub use row::{ChartRow, read_rows, write_rows};
 pub use run::Plan;

@@ -9,10 +9,10 @@ mod axis;
 mod labels;
 
 use super::summary::{SummaryPanel, SummaryPoint};
-use super::{DrawConfiguration, Error};
+use super::{DrawConfiguration, Error, RecordSource};
 use crate::image::Image;
 use crate::render::{Method, Path, SplatKind};
-use axis::PlotAxis;
+use axis::{AxisText, GRAY, INK, PlotAxis, PlotField, points_text};
 use labels::{LabelPlacer, PlotLabel};
 use std::fmt::Write;
 
@@ -101,15 +101,15 @@ const MARGIN: [f64; 4] = [74.0, 40.0, 18.0, 58.0];
 const HEAD: f64 = 64.0;
 const LEGEND_ROW: f64 = 22.0;
 const LEGEND_COLUMN: f64 = 200.0;
-const INK: &str = "#1b1e24";
-const FAINT: &str = "#e4e7ec";
 
 fn color(choice: &DrawConfiguration) -> &'static str {
     if choice.method == Method::Triangles {
         return "#000000";
     }
-    if choice.has_patches {
-        return "#5e3c99";
+    match choice.source {
+        RecordSource::Patches => return "#5e3c99",
+        RecordSource::Vertices => return "#6b3d0f",
+        RecordSource::Tree => {}
     }
     match choice.splat {
         SplatKind::Square => "#0072b2",
@@ -146,11 +146,11 @@ fn marker(choice: &DrawConfiguration, x: f64, y: f64, r: f64) -> String {
             } else {
                 vec![[0.0, -1.5], [1.5, 0.0], [0.0, 1.5], [-1.5, 0.0]]
             };
-            let points: Vec<String> = corners
+            let corners: Vec<[f64; 2]> = corners
                 .iter()
-                .map(|[dx, dy]| format!("{:.1},{:.1}", x + dx * r, y + dy * r))
+                .map(|[dx, dy]| [x + dx * r, y + dy * r])
                 .collect();
-            format!("<polygon points=\"{}\" {style}/>", points.join(" "))
+            format!("<polygon points=\"{}\" {style}/>", points_text(&corners))
         }
     }
 }
@@ -237,7 +237,7 @@ pub fn svg(title: &str, subtitle: &str, panels: &[SummaryPanel], metric: &PlotMe
          height=\"{height:.0}\" font-family=\"Ubuntu, 'Segoe UI', 'Helvetica Neue', sans-serif\" font-size=\"13\" \
          fill=\"{INK}\">\n<rect width=\"{width:.0}\" height=\"{height:.0}\" fill=\"#ffffff\"/>\n\
          <text x=\"20\" y=\"30\" font-size=\"20\">{}</text>\n\
-         <text x=\"20\" y=\"52\" fill=\"#5b6370\">{}</text>\n",
+         <text x=\"20\" y=\"52\" fill=\"{GRAY}\">{}</text>\n",
         escaped(title),
         escaped(subtitle)
     );
@@ -298,13 +298,9 @@ fn stroke(choice: &DrawConfiguration, points: &[[f64; 2]]) -> String {
         _ => "",
     };
     let width = if choice.path == Path::Auto { 2.6 } else { 1.5 };
-    let points: Vec<String> = points
-        .iter()
-        .map(|[x, y]| format!("{x:.1},{y:.1}"))
-        .collect();
     format!(
         "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\"{dash}/>",
-        points.join(" "),
+        points_text(points),
         color(choice)
     )
 }
@@ -318,15 +314,15 @@ fn panel_svg(
     [left, top]: [f64; 2],
 ) {
     let [width, height] = FIELD;
-    let error = PlotAxis::around(panel.points.iter().map(metric.of));
+    let field = PlotField {
+        corner: [left, top],
+        size: FIELD,
+        across: time.clone(),
+        up: PlotAxis::around(panel.points.iter().map(metric.of)),
+    };
     let at = |p: &SummaryPoint| {
         let v = (metric.of)(p);
-        v.is_finite().then(|| {
-            [
-                left + width * time.place(p.frame.median),
-                top + height * (1.0 - error.place(v)),
-            ]
-        })
+        v.is_finite().then(|| [field.x(p.frame.median), field.y(v)])
     };
     let distance = match panel.fill {
         1.0 => "filling the picture".to_owned(),
@@ -336,66 +332,21 @@ fn panel_svg(
     let _ = writeln!(
         out,
         "<g><text x=\"{left:.1}\" y=\"{:.1}\" font-size=\"15\">{}</text>\
-         <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"#5b6370\">{distance}</text>",
+         <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"{GRAY}\">{distance}</text>",
         top - 12.0,
         escaped(&shortened(&panel.model, 34)),
         left + width,
         top - 12.0
     );
-    for (value, is_major) in time.ticks() {
-        let x = left + width * time.place(value);
-        let _ = writeln!(
-            out,
-            "<line x1=\"{x:.1}\" y1=\"{top:.1}\" x2=\"{x:.1}\" y2=\"{:.1}\" stroke=\"{FAINT}\" stroke-width=\"{}\"/>",
-            top + height,
-            if is_major { 1.2 } else { 0.5 }
-        );
-        if is_major {
-            let _ = writeln!(
-                out,
-                "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
-                top + height + 18.0,
-                plain(value)
-            );
-        }
-    }
-    for (value, is_major) in error.ticks() {
-        let y = top + height * (1.0 - error.place(value));
-        let _ = writeln!(
-            out,
-            "<line x1=\"{left:.1}\" y1=\"{y:.1}\" x2=\"{:.1}\" y2=\"{y:.1}\" stroke=\"{FAINT}\" stroke-width=\"{}\"/>",
-            left + width,
-            if is_major { 1.2 } else { 0.5 }
-        );
-        if is_major {
-            let _ = writeln!(
-                out,
-                "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-                left - 7.0,
-                y + 4.5,
-                (metric.show)(value)
-            );
-        }
-    }
-    if error.has_zero {
-        let _ = writeln!(
-            out,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">0</text>",
-            left - 7.0,
-            top + height + 4.5
-        );
-    }
-    let _ = writeln!(
-        out,
-        "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#aab1bd\"/>\
-         <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#5b6370\">frame, milliseconds</text>\
-         <text transform=\"translate({:.1} {:.1}) rotate(-90)\" text-anchor=\"middle\" fill=\"#5b6370\">{}</text>",
-        left + width / 2.0,
-        top + height + 40.0,
-        left - 56.0,
-        top + height / 2.0,
-        metric.label
-    );
+    let across = AxisText {
+        name: "frame, milliseconds",
+        show: plain,
+    };
+    let up = AxisText {
+        name: metric.label,
+        show: metric.show,
+    };
+    field.write_axes(out, across, up);
     let on_frontier = |i: usize| panel.frontier.contains(&i);
     let frontier: Vec<[f64; 2]> = panel
         .frontier
@@ -403,14 +354,10 @@ fn panel_svg(
         .filter_map(|&i| at(&panel.points[i]))
         .collect();
     if metric.key == METRICS[0].key && frontier.len() > 1 {
-        let points: Vec<String> = frontier
-            .iter()
-            .map(|[x, y]| format!("{x:.1},{y:.1}"))
-            .collect();
         let _ = writeln!(
             out,
             "<polyline points=\"{}\" {FRONTIER}/>",
-            points.join(" ")
+            points_text(&frontier)
         );
     }
     let mut placer = LabelPlacer::new([left, top, left + width, top + height]);
@@ -433,7 +380,7 @@ fn panel_svg(
     for i in others.chain(panel.frontier.iter().copied()) {
         let point = &panel.points[i];
         let Some([x, y]) = at(point) else { continue };
-        let [from, to] = [point.frame.p5, point.frame.p95].map(|ms| left + width * time.place(ms));
+        let [from, to] = [point.frame.p5, point.frame.p95].map(|ms| field.x(ms));
         placer.avoid([x, y], if on_frontier(i) { 8.0 } else { 3.5 });
         let _ = writeln!(
             out,
@@ -450,7 +397,7 @@ fn panel_svg(
         if let Some(PlotLabel { text, at, anchor }) = placer.place(place, &short(&point.choice)) {
             let _ = writeln!(
                 out,
-                "<line x1=\"{:.1}\" y1=\"{:.1}\" x2=\"{:.1}\" y2=\"{:.1}\" stroke=\"#5b6370\" stroke-width=\"0.7\"/>\
+                "<line x1=\"{:.1}\" y1=\"{:.1}\" x2=\"{:.1}\" y2=\"{:.1}\" stroke=\"{GRAY}\" stroke-width=\"0.7\"/>\
                  <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"12\" paint-order=\"stroke\" stroke=\"#ffffff\" \
                  stroke-width=\"3\">{}</text>",
                 place[0],
@@ -571,6 +518,30 @@ mod tests {
         // Nothing measured is no reason to fail.
         assert!(pixels(&svg("", "", &[], &METRICS[0]), 1.0).is_ok());
         assert!(pixels("no picture", 1.0).is_err());
+    }
+
+    #[test]
+    fn lines_differ_in_color_or_marker_and_colors_are_far_apart() {
+        let all = DrawConfiguration::all(&[1.0], false, AvailablePaths::ALL);
+        let look =
+            |c: &DrawConfiguration| format!("{} {}", marker(c, 0.0, 0.0, 1.0), stroke(c, &[]));
+        for (i, a) in all.iter().enumerate() {
+            for b in &all[..i] {
+                assert_eq!(look(a) == look(b), a.line() == b.line(), "{a:?} {b:?}");
+            }
+        }
+        let mut colors: Vec<&str> = all.iter().map(color).collect();
+        colors.sort_unstable();
+        colors.dedup();
+        // Triangles, six kinds of splats, patches, vertices.
+        assert_eq!(colors.len(), 9);
+        let levels = |color: &str, k: usize| i32::from_str_radix(&color[2 * k + 1..2 * k + 3], 16);
+        for (i, a) in colors.iter().enumerate() {
+            for b in &colors[..i] {
+                let off = |k| (levels(a, k).unwrap() - levels(b, k).unwrap()).pow(2);
+                assert!(off(0) + off(1) + off(2) > 50 * 50, "{a} {b}");
+            }
+        }
     }
 
     #[test]

@@ -6,6 +6,8 @@
 pub mod benda;
 pub mod dietz;
 mod dietz_edges;
+pub mod dietz_failures;
+mod dietz_holes;
 mod dietz_splats;
 pub mod qsplat;
 

@@ -32,6 +32,9 @@ pub struct Plan {
     pub thresholds: Option<Vec<f32>>,
 }
 
+/// Most vertices of a model whose splats from vertices are measured.
+const MOST_SPLAT_VERTICES: usize = 2_000_000;
+
 impl Plan {
     /// Four views at full, half and an eighth of the picture, everything at eleven thresholds.
     pub fn full() -> Self {
@@ -55,17 +58,21 @@ impl Plan {
         }
     }
 
-    /// The choices for a model on a device; patches where the model has their records.
+    /// The choices for a model on a device; patches where the model has their records, splats from vertices where those are not
+    /// millions: all are kept in memory.
     pub fn choices(&self, model: &Model, backend: &Backend) -> Vec<DrawConfiguration> {
         let patches = model.patches.is_some() && model.textures.is_none();
+        let vertices = model.vertices.len() <= MOST_SPLAT_VERTICES;
         let ways = match backend.device() {
             Some(gpu) => AvailablePaths {
                 compute: gpu.info().has_int64_atomics,
                 host: gpu.info().is_cpu() && matches!(backend, Backend::Device(_)),
                 patches,
+                vertices,
             },
             None => AvailablePaths {
                 patches,
+                vertices,
                 ..AvailablePaths::default()
             },
         };

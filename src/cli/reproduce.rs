@@ -8,7 +8,10 @@ use clap::ValueEnum;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use surfel::chart::plot::angles::angles_svg;
+use surfel::chart::plot::pixels;
+use surfel::chart::published::dietz_failures::failures;
 use surfel::chart::published::{PublishedSubject, Table, benda, dietz, qsplat};
+use surfel::render::engine::Backend;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -17,6 +20,7 @@ Examples:
   surfel reproduce qsplat bunny.ply.gz --csv qsplat.csv
   surfel reproduce dietz porsche.obj bunny.obj.gz --json
   surfel reproduce dietz porsche.obj --chart angles.svg
+  surfel reproduce dietz --failures failures.png
 
 Counts can be compared; times only as ratios, since the machines are not the same. docs/MEASURING.md has the protocol.";
 
@@ -49,9 +53,12 @@ pub(crate) struct Args {
     /// Write the tables as comma-separated values; - for standard output, instead of the text
     #[arg(long, value_name = "FILE", conflicts_with = "json")]
     csv: Option<PathBuf>,
-    /// Of dietz and one model: draw error and time of splats from vertices by angle as SVG
+    /// Of dietz and one model: draw error and time of splats from vertices by angle, as SVG or PNG
     #[arg(long, value_name = "FILE")]
     chart: Option<PathBuf>,
+    /// Of dietz: draw his failures beside ours as PNG; without models that is all that is done
+    #[arg(long, value_name = "FILE")]
+    failures: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -74,6 +81,97 @@ fn squares(bar: &Bar) -> Result<Vec<(u64, u64)>, Failure> {
         .collect()
 }
 
+impl Args {
+    /// Refuses files that cannot be written, or would be over others of this command.
+    fn check_files(&self) -> Outcome {
+        let all = [
+            ("csv", &self.csv),
+            ("chart", &self.chart),
+            ("failures", &self.failures),
+        ];
+        let given = all.map(|(name, path)| path.as_deref().map(|path| (name, path)));
+        let given: Vec<(&str, &Path)> = given.into_iter().flatten().collect();
+        for (i, &(name, path)) in given.iter().enumerate() {
+            super::require_folder(path)?;
+            let is_other = given[..i].iter().any(|other| other.1 == path);
+            if path != Path::new("-") && (is_other || self.models.iter().any(|m| m == path)) {
+                return Err(usage(format!(
+                    "--{name} {} would be written over another file of this command",
+                    path.display()
+                )));
+            }
+        }
+        let is_dietz = matches!(self.origin, Origin::Dietz);
+        if self.failures.is_some() && !is_dietz {
+            return Err(usage(
+                "--failures shows those of dietz; leave it out with other sources",
+            ));
+        }
+        if let Some(path) = &self.failures
+            && !has_end(path, "png")
+        {
+            return Err(usage(format!(
+                "--failures {} is no PNG file; its name must end in .png",
+                path.display()
+            )));
+        }
+        if let Some(path) = &self.chart {
+            if !is_dietz || self.models.len() != 1 {
+                return Err(usage(
+                    "--chart shows the splats of dietz on one model; name one, or leave --chart out",
+                ));
+            }
+            if !has_end(path, "svg") && !has_end(path, "png") {
+                return Err(usage(format!(
+                    "--chart {} is neither an SVG nor a PNG file; its name must end in .svg or .png",
+                    path.display()
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Prints the tables, or writes them where that is asked for; `backend` is what they were measured on.
+    fn show(&self, tables: &[Table], backend: Option<&Backend>) -> Outcome {
+        if self.json {
+            let all = json!({
+                "device": backend.map(super::stats::device_of),
+                "repeats": self.repeats,
+                "tables": tables,
+            });
+            let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+            print(&(text + "\n"))?;
+        } else if let Some(path) = &self.csv {
+            let mut text = String::new();
+            for table in tables {
+                text += &table.csv().map_err(|e| Failure::Run(e.into()))?;
+                text.push('\n');
+            }
+            write_text(path, text.trim_end_matches('\n'))?;
+        } else {
+            let text: Vec<String> = tables.iter().map(Table::text).collect();
+            print(&text.join("\n"))?;
+            if let Some(backend) = backend {
+                say(&format!("measured on {}", backend.name()));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether a file's name ends so, in capitals or not.
+fn has_end(path: &Path, end: &str) -> bool {
+    (path.extension()).is_some_and(|found| found.eq_ignore_ascii_case(end))
+}
+
+/// Writes a chart as its file's name asks for.
+fn write_chart(path: &Path, svg: &str) -> Outcome {
+    if has_end(path, "png") {
+        return Ok(pixels(svg, 1.5)?.save_png(path)?);
+    }
+    write_text(path, svg)
+}
+
 pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     let is_default = args.models.is_empty();
     if is_default {
@@ -85,32 +183,19 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             Origin::Qsplat | Origin::Dietz => vec!["generate:statue:400000".into()],
         };
     }
-    if let Some(path) = &args.csv {
-        super::require_folder(path)?;
-        if args.models.contains(path) && path != Path::new("-") {
-            return Err(usage(format!(
-                "--csv {} would be written over its model",
-                path.display()
-            )));
-        }
-    }
-    if let Some(path) = &args.chart {
-        if !matches!(args.origin, Origin::Dietz) || args.models.len() != 1 {
-            return Err(usage(
-                "--chart shows the splats of dietz on one model; name one, or leave --chart out",
-            ));
-        }
-        super::require_folder(path)?;
-        if args.models.contains(path) || args.csv.as_ref() == Some(path) {
-            return Err(usage(format!(
-                "--chart {} would be written over another file of this command",
-                path.display()
-            )));
+    args.check_files()?;
+    let bar = Bar::new(quiet);
+    let mut tables: Vec<Table> = Vec::new();
+    if let Some(path) = &args.failures {
+        let (sheet, table) = failures(&bar)?;
+        sheet.save_png(path)?;
+        tables.push(table);
+        if is_default {
+            drop(bar);
+            return args.show(&tables, None);
         }
     }
     let backend = args.device.open()?;
-    let bar = Bar::new(quiet);
-    let mut tables: Vec<Table> = Vec::new();
     for path in &args.models {
         let source = Source {
             model: path.clone(),
@@ -137,8 +222,10 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             Origin::Dietz => {
                 let (tables, lines) = dietz::tables(&backend, &subject, args.repeats, &bar)?;
                 if let Some(path) = &args.chart {
-                    let title = format!("{}, {}", ready.name, backend.name());
-                    write_text(path, &angles_svg(&title, &lines))?;
+                    let file = Path::new(&ready.name).file_name();
+                    let name = file.unwrap_or(ready.name.as_ref()).to_string_lossy();
+                    let title = format!("{name}, {}", backend.name());
+                    write_chart(path, &angles_svg(&title, &lines))?;
                 }
                 tables
             }
@@ -161,25 +248,6 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         tables.push(benda::squares(&squares(&bar)?));
     }
     drop(bar);
-    if args.json {
-        let all = json!({
-            "device": super::stats::device_of(&backend),
-            "repeats": args.repeats,
-            "tables": tables,
-        });
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
-        print(&(text + "\n"))?;
-    } else if let Some(path) = &args.csv {
-        let mut text = String::new();
-        for table in &tables {
-            text += &table.csv().map_err(|e| Failure::Run(e.into()))?;
-            text.push('\n');
-        }
-        write_text(path, text.trim_end_matches('\n'))?;
-    } else {
-        let text: Vec<String> = tables.iter().map(Table::text).collect();
-        print(&text.join("\n"))?;
-        say(&format!("measured on {}", backend.name()));
-    }
+    args.show(&tables, Some(&backend))?;
     validated(&backend)
 }

@@ -1,10 +1,12 @@
 //! The options of splats that are made from vertices.
 
 use super::{Failure, usage};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
+use surfel::oriented::choices::{self, LevelChoice, WordedChoice};
 use surfel::oriented::radius::RadiusRule;
 use surfel::oriented::resample::{SampleChoice, SamplePattern};
-use surfel::oriented::splats::{LevelLeaf, SplatRules};
+use surfel::oriented::splats::SplatRules;
 use surfel::render::Method;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -15,34 +17,21 @@ enum SplatOriginName {
     Vertices,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum RadiusName {
-    /// The least that covers
-    Cover,
-    /// 0.65 of the distance to the farthest neighbor
-    Dietz,
-    /// Half of that distance
-    Dietz50,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum PatternName {
-    /// In the middle of like parts of each triangle
-    Lattice,
-    /// At random, none near another
-    Poisson,
-    /// Where parallel rays along three axes meet the surface
-    Rays,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum LevelName {
-    /// All splats are drawn
-    Off,
-    /// What is smaller than the threshold is one disc; the rest is splats
-    Splats,
-    /// What is smaller than the threshold is one disc; the rest is triangles
-    Triangles,
+/// The value of a word in a list of choices.
+fn word_of<T: Clone + Send + Sync>(
+    all: &'static [WordedChoice<T>],
+) -> impl TypedValueParser<Value = T> {
+    let capital = |tip: &str| {
+        let mut letters = tip.chars();
+        letters.next().map_or_else(String::new, |first| {
+            first.to_uppercase().collect::<String>() + letters.as_str()
+        })
+    };
+    let words = (all.iter()).map(|one| PossibleValue::new(one.option).help(capital(one.tip)));
+    PossibleValuesParser::new(words).try_map(move |word| {
+        let found = all.iter().find(|one| one.option == word);
+        found.map(|one| one.value.clone()).ok_or("no such choice")
+    })
 }
 
 /// An angle in degrees, or none.
@@ -74,8 +63,8 @@ pub(crate) struct VertexSplatArgs {
     #[arg(long, value_enum, default_value = "tree")]
     from: SplatOriginName,
     /// Radius of splats from vertices
-    #[arg(long, value_enum, default_value = "cover")]
-    radius: RadiusName,
+    #[arg(long, default_value = "cover", value_parser = word_of(&choices::RADII))]
+    radius: RadiusRule,
     /// Faces within this angle of their mean share a splat, which is cut where others begin; off for whole discs; degrees
     #[arg(long, value_name = "DEGREES", default_value = "5")]
     clip: AngleChoice,
@@ -83,14 +72,14 @@ pub(crate) struct VertexSplatArgs {
     #[arg(long, value_name = "DEGREES", default_value = "off")]
     angle_test: AngleChoice,
     /// Splats from vertices lie evenly on the surface instead, for models with a few large faces
-    #[arg(long, value_enum, value_name = "PATTERN")]
-    resample: Option<PatternName>,
+    #[arg(long, value_name = "PATTERN", value_parser = word_of(&choices::PATTERNS))]
+    resample: Option<SamplePattern>,
     /// Distance of even splats, in units of the model [default: the median of the longest sides of triangles]
     #[arg(long, value_name = "LENGTH")]
     spacing: Option<f64>,
     /// Levels of detail of splats from vertices, by --threshold
-    #[arg(long, value_enum, value_name = "LEAVES", default_value = "off")]
-    levels: LevelName,
+    #[arg(long, value_name = "LEAVES", default_value = "off", value_parser = word_of(&choices::LEVELS))]
+    levels: LevelChoice,
 }
 
 impl VertexSplatArgs {
@@ -114,7 +103,7 @@ impl VertexSplatArgs {
                     "--resample places splats on the mesh; use it with --from vertices",
                 ));
             }
-            if self.levels != LevelName::Off {
+            if self.levels.is_some() {
                 return Err(usage(
                     "splats of the tree have levels; --levels is for --from vertices",
                 ));
@@ -131,31 +120,19 @@ impl VertexSplatArgs {
                 "--angle-test is asked of vertices, and --resample takes none; leave one of them out",
             ));
         }
-        if self.resample.is_some() && self.levels != LevelName::Off {
+        if self.resample.is_some() && self.levels.is_some() {
             return Err(usage(
                 "even splats have no levels of detail; leave --levels or --resample out",
             ));
         }
-        let samples = self.resample.map(|name| SampleChoice {
-            pattern: match name {
-                PatternName::Lattice => SamplePattern::Lattice,
-                PatternName::Poisson => SamplePattern::Poisson,
-                PatternName::Rays => SamplePattern::Rays,
-            },
+        let samples = self.resample.map(|pattern| SampleChoice {
+            pattern,
             spacing: self.spacing,
         });
         Ok(Some(SplatRules {
             samples,
-            levels: match self.levels {
-                LevelName::Off => None,
-                LevelName::Splats => Some(LevelLeaf::Splats),
-                LevelName::Triangles => Some(LevelLeaf::Triangles),
-            },
-            radius: match self.radius {
-                RadiusName::Cover => RadiusRule::Cover,
-                RadiusName::Dietz => RadiusRule::Dietz,
-                RadiusName::Dietz50 => RadiusRule::Dietz50,
-            },
+            levels: self.levels,
+            radius: self.radius,
             clip: self.clip.radians(),
             angle_test: self.angle_test.radians(),
             ..SplatRules::default()

@@ -68,7 +68,7 @@ pub fn faces_of(surface: &WeldedSurface, flagged: &[bool]) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::oriented::for_tests::{cube, grid};
+    use crate::oriented::shapes::{cube, grid};
 
     #[test]
     fn a_cube_is_flagged_below_the_angle_of_its_corners() {

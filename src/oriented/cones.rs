@@ -8,6 +8,7 @@
 //! * The apex of the lower region follows from the lower circle. Above 45 degrees the upper one binds.
 //! * The radius of a circle is half the side of a box, which does not reach the corners of that.
 
+use crate::oriented::angle_test::{FaceWeight, normal_of};
 use crate::oriented::surface::WeldedSurface;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -113,64 +114,152 @@ impl AnchoredCone {
     }
 }
 
-/// Eyes that [`count_culls`] looks from.
+/// Eyes that [`ConeTree::count`] looks from.
 pub const CULL_EYES: u32 = 1000;
 
-/// Nodes that a test culls of a tree over the faces of a surface.
+/// Faces that a tree of cones culls.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CullCount {
-    /// Faces that turn to the eye and were culled.
+    /// Those that turn to the eye: wrongly culled.
     pub wrong: usize,
-    /// Nodes that were culled.
+    /// All of them.
     pub culled: usize,
 }
 
-/// Counts what a test culls from [`CULL_EYES`] eyes around and within a surface, of all nodes of a tree that halves its faces
-/// along the longest side. Takes time in proportion to eyes times faces times levels.
-pub fn count_culls(surface: &WeldedSurface, rule: ConeRule) -> CullCount {
-    let nodes = halved_faces(surface);
-    let cones: Vec<_> = (nodes.par_iter())
-        .map(|faces| {
-            let corners: Vec<DVec3> = faces.iter().flat_map(|&f| surface.corners(f)).collect();
-            let normals: Vec<DVec3> = faces.iter().map(|&f| surface.normals[f as usize]).collect();
-            AnchoredCone::new(&corners, &normals, rule)
-        })
-        .collect();
-    let radius = surface.diagonal() / 2.0;
-    let center = surface.points.iter().sum::<DVec3>() / surface.points.len().max(1) as f64;
-    let of_eye = |k: u32| {
-        let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(CULL_EYES);
-        let turn = f64::from(k) * 2.399_963_229_728_653;
-        let across = (1.0 - z * z).sqrt();
-        // From within the sphere around the model to three times its radius.
-        let distance = radius * (0.3 + 2.7 * (f64::from(k) * 0.618_034 % 1.0));
-        let eye = center + distance * DVec3::new(across * turn.cos(), across * turn.sin(), z);
-        let mut count = CullCount::default();
-        for (faces, cone) in nodes.iter().zip(&cones) {
-            if cone.is_some_and(|cone| cone.side(eye) == ConeSide::Back) {
-                count.culled += 1;
-                let sees = |&&f: &&u32| {
-                    let to_eye = eye - surface.corners(f)[0];
-                    surface.normals[f as usize].dot(to_eye) > 1e-9 * radius
-                };
-                count.wrong += faces.iter().filter(sees).count();
+/// A tree over the faces of a surface with a cone in each node, or none.
+#[derive(Debug)]
+pub struct ConeTree<'s> {
+    surface: &'s WeldedSurface,
+    nodes: Vec<ConeNode>,
+    /// Number of trees: the first nodes have none above them.
+    roots: usize,
+}
+
+#[derive(Debug)]
+struct ConeNode {
+    faces: Vec<u32>,
+    cone: Option<AnchoredCone>,
+    /// The first of two halves, which follow each other; 0 for a leaf.
+    halves: usize,
+}
+
+impl<'s> ConeTree<'s> {
+    /// Halves the faces along the longest side of the box around their middles, down to single ones.
+    pub fn of_faces(surface: &'s WeldedSurface, rule: ConeRule) -> Self {
+        let mut groups = halved_faces(surface);
+        let nodes = (groups.par_iter_mut())
+            .map(|(faces, halves)| {
+                let corners: Vec<DVec3> = faces.iter().flat_map(|&f| surface.corners(f)).collect();
+                let normals: Vec<DVec3> = (faces.iter())
+                    .map(|&f| surface.normals[f as usize])
+                    .collect();
+                ConeNode {
+                    cone: AnchoredCone::new(&corners, &normals, rule),
+                    faces: std::mem::take(faces),
+                    halves: *halves,
+                }
+            })
+            .collect();
+        Self {
+            surface,
+            nodes,
+            roots: 1,
+        }
+    }
+
+    /// A node for each point: [`ConeTree::of_vertex`].
+    pub fn of_vertices(surface: &'s WeldedSurface) -> Self {
+        let points = 0..surface.points.len() as u32;
+        let nodes: Vec<ConeNode> = points.map(|point| vertex_node(surface, point)).collect();
+        Self {
+            surface,
+            roots: nodes.len(),
+            nodes,
+        }
+    }
+
+    /// A node for the faces around a point, with the cone that the thesis gives a node of one vertex: of no width, around the mean
+    /// normal.
+    pub fn of_vertex(surface: &'s WeldedSurface, point: u32) -> Self {
+        Self {
+            surface,
+            roots: 1,
+            nodes: vec![vertex_node(surface, point)],
+        }
+    }
+
+    /// Faces of nodes that show their backs to an eye, from the roots down; in the order of nodes, once a node.
+    pub fn culled(&self, eye: DVec3) -> Vec<u32> {
+        let mut open: Vec<usize> = (0..self.roots.min(self.nodes.len())).rev().collect();
+        let mut culled = Vec::new();
+        while let Some(at) = open.pop() {
+            let node = &self.nodes[at];
+            if node
+                .cone
+                .is_some_and(|cone| cone.side(eye) == ConeSide::Back)
+            {
+                culled.extend_from_slice(&node.faces);
+            } else if node.halves != 0 {
+                open.extend([node.halves + 1, node.halves]);
             }
         }
-        count
-    };
-    let counts: Vec<CullCount> = (0..CULL_EYES).into_par_iter().map(of_eye).collect();
-    CullCount {
-        wrong: counts.iter().map(|count| count.wrong).sum(),
-        culled: counts.iter().map(|count| count.culled).sum(),
+        culled
+    }
+
+    /// Whether a face shows its front to an eye, by more than rounding.
+    pub fn is_seen(&self, face: u32, eye: DVec3) -> bool {
+        let from_face = eye - self.surface.corners(face)[0];
+        let least = 1e-9 * self.surface.diagonal();
+        self.surface.normals[face as usize].dot(from_face) > least
+    }
+
+    /// Counts faces from [`CULL_EYES`] eyes around and within the surface. Takes time in proportion to eyes times faces.
+    pub fn count(&self) -> CullCount {
+        let of_eye = |k: u32| {
+            let eye = cull_eye(self.surface, k);
+            let culled = self.culled(eye);
+            [
+                culled.iter().filter(|&&f| self.is_seen(f, eye)).count(),
+                culled.len(),
+            ]
+        };
+        let counts: Vec<[usize; 2]> = (0..CULL_EYES).into_par_iter().map(of_eye).collect();
+        CullCount {
+            wrong: counts.iter().map(|count| count[0]).sum(),
+            culled: counts.iter().map(|count| count[1]).sum(),
+        }
     }
 }
 
-/// Faces of every node of a tree that halves them along the longest side, down to single ones.
-fn halved_faces(surface: &WeldedSurface) -> Vec<Vec<u32>> {
-    let mut nodes = vec![(0..surface.faces.len() as u32).collect::<Vec<u32>>()];
+fn vertex_node(surface: &WeldedSurface, point: u32) -> ConeNode {
+    ConeNode {
+        faces: surface.incident(point).to_vec(),
+        cone: AnchoredCone::new(
+            &[surface.points[point as usize]],
+            &[normal_of(surface, point, FaceWeight::Equal)],
+            ConeRule::Corrected,
+        ),
+        halves: 0,
+    }
+}
+
+/// One of [`CULL_EYES`] eyes: in even directions, from within the sphere around a surface to three times its radius.
+pub fn cull_eye(surface: &WeldedSurface, k: u32) -> DVec3 {
+    let radius = surface.diagonal() / 2.0;
+    let center = surface.points.iter().sum::<DVec3>() / surface.points.len().max(1) as f64;
+    let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(CULL_EYES);
+    let turn = f64::from(k) * 2.399_963_229_728_653;
+    let across = (1.0 - z * z).sqrt();
+    let distance = radius * (0.3 + 2.7 * (f64::from(k) * 0.618_034 % 1.0));
+    center + distance * DVec3::new(across * turn.cos(), across * turn.sin(), z)
+}
+
+/// Faces of every node of a tree that halves them along the longest side, down to single ones, and where its halves are.
+fn halved_faces(surface: &WeldedSurface) -> Vec<(Vec<u32>, usize)> {
+    let mut nodes = vec![((0..surface.faces.len() as u32).collect::<Vec<u32>>(), 0)];
     let mut next = 0;
     while next < nodes.len() {
-        let mut faces = nodes[next].clone();
+        let mut faces = nodes[next].0.clone();
         next += 1;
         if faces.len() < 2 {
             continue;
@@ -186,7 +275,8 @@ fn halved_faces(surface: &WeldedSurface) -> Vec<Vec<u32>> {
             .unwrap_or(0);
         faces.sort_by(|&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]));
         let rest = faces.split_off(faces.len() / 2);
-        nodes.extend([faces, rest]);
+        nodes[next - 1].1 = nodes.len();
+        nodes.extend([(faces, 0), (rest, 0)]);
     }
     nodes
 }
@@ -204,7 +294,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
     use super::*;
     use crate::mesh::Mesh;
-    use crate::oriented::for_tests::{cube, grid, l_shape};
+    use crate::oriented::shapes::{cube, grid, l_shape};
     use glam::Vec3;
 
     fn torus() -> Mesh {
@@ -223,7 +313,7 @@ mod tests {
 
     fn culls(mesh: &Mesh, rule: ConeRule) -> [usize; 2] {
         let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
-        let CullCount { wrong, culled } = count_culls(&surface, rule);
+        let CullCount { wrong, culled } = ConeTree::of_faces(&surface, rule).count();
         [wrong, culled]
     }
 
@@ -262,6 +352,12 @@ mod tests {
             DVec3::new(0.5, 0.5, -0.5),
         ];
         let faces = [DVec3::X, DVec3::Y, DVec3::Z];
+        let mesh = cube();
+        let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
+        let tree = ConeTree::of_vertices(&surface);
+        assert!(tree.culled(eye).iter().any(|&face| tree.is_seen(face, eye)));
+        let tree = ConeTree::of_faces(&surface, ConeRule::Corrected);
+        assert!(!tree.culled(eye).iter().any(|&face| tree.is_seen(face, eye)));
         let by_faces = AnchoredCone::new(&corners, &faces, ConeRule::Corrected).unwrap();
         assert_eq!(by_faces.side(eye), ConeSide::Neutral);
         assert_eq!(by_faces.side(DVec3::splat(9.0)), ConeSide::Front);
@@ -269,12 +365,72 @@ mod tests {
     }
 
     #[test]
-    fn what_turns_everywhere_has_no_cone() {
+    fn no_node_shows_its_back_where_a_face_is_seen() {
+        // Nodes below one that is culled count too.
+        let steep = grid(12, |x, y| (x * 0.9).sin() * (y * 0.7).cos() * 6.0);
+        for mesh in [cube(), torus(), steep] {
+            let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
+            let tree = ConeTree::of_faces(&surface, ConeRule::Corrected);
+            let mut backs = 0;
+            for eye in (0..CULL_EYES).map(|k| cull_eye(&surface, k)) {
+                for node in &tree.nodes {
+                    if node
+                        .cone
+                        .is_some_and(|cone| cone.side(eye) == ConeSide::Back)
+                    {
+                        backs += 1;
+                        assert!(!node.faces.iter().any(|&face| tree.is_seen(face, eye)));
+                    }
+                }
+            }
+            assert!(backs > 1000, "{backs}");
+        }
+    }
+
+    #[test]
+    fn a_tree_halves_all_faces_and_culls_what_lies_below() {
+        let mesh = torus();
+        let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
+        let count = surface.faces.len();
+        let tree = ConeTree::of_faces(&surface, ConeRule::Corrected);
+        assert_eq!(tree.nodes.len(), 2 * count - 1);
+        for node in tree.nodes.iter().filter(|node| node.halves != 0) {
+            let halves = [node.halves, node.halves + 1].map(|half| &tree.nodes[half].faces);
+            let mut both = [&halves[0][..], &halves[1][..]].concat();
+            let mut own = node.faces.clone();
+            (both.sort_unstable(), own.sort_unstable());
+            assert_eq!(both, own);
+        }
+        // From afar above, the lower half shows its back: each face at most once.
+        let mut culled = tree.culled(DVec3::Z * 1e6);
+        let all = culled.len();
+        culled.sort_unstable();
+        culled.dedup();
+        assert_eq!(culled.len(), all);
         assert!(
-            AnchoredCone::new(&[DVec3::ZERO], &[DVec3::X, -DVec3::X], ConeRule::Corrected)
-                .is_none()
+            (count * 2 / 5..=count / 2).contains(&all),
+            "{all} of {count}"
         );
-        assert!(AnchoredCone::new(&[DVec3::ZERO], &[], ConeRule::Corrected).is_none());
+        let none = WeldedSurface::default();
+        let tree = ConeTree::of_faces(&none, ConeRule::Corrected);
+        assert_eq!(tree.count(), CullCount::default());
+        assert_eq!(ConeTree::of_vertices(&none).count(), CullCount::default());
+    }
+
+    #[test]
+    fn what_turns_everywhere_has_no_cone() {
+        let cone =
+            |normals: &[DVec3]| AnchoredCone::new(&[DVec3::ZERO], normals, ConeRule::Corrected);
+        assert!(cone(&[DVec3::X, -DVec3::X]).is_none());
+        assert!(cone(&[]).is_none());
+        // Around a circle, and more than a quarter turn from the mean although that has a direction.
+        let turned = |degrees: f64| {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            DVec3::new(cosine, sine, 0.0)
+        };
+        assert!(cone(&[120.0, 0.0, -120.0].map(turned)).is_none());
+        assert!(cone(&[90.0, 0.0, -90.0].map(turned)).is_none());
+        assert!(cone(&[85.0, 0.0, -85.0].map(turned)).is_some());
         assert!(AnchoredCone::new(&[], &[DVec3::X], ConeRule::Corrected).is_none());
     }
 }

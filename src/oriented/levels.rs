@@ -287,7 +287,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
     use super::*;
     use crate::math::camera::Camera;
-    use crate::oriented::for_tests::{cube, grid};
+    use crate::oriented::shapes::{cube, grid};
     use crate::oriented::splats::{SplatRules, splats_of};
 
     fn view(distance: f64) -> View {

@@ -201,7 +201,7 @@ pub fn take_look_of_face(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::oriented::for_tests::grid;
+    use crate::oriented::shapes::grid;
     use crate::oriented::splats::{SplatRules, splats_of};
 
     #[test]

@@ -12,15 +12,15 @@
 //! * Up to four cuts a splat, where they propose two.
 
 pub mod angle_test;
+pub mod choices;
 pub mod clip;
 pub mod cones;
-#[cfg(test)]
-pub(crate) mod for_tests;
 pub mod levels;
 pub mod look;
 pub mod nearest;
 pub mod quality;
 pub mod radius;
 pub mod resample;
+pub(crate) mod shapes;
 pub mod splats;
 pub mod surface;

@@ -168,7 +168,7 @@ pub fn nearest_of_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::oriented::for_tests::{cube, grid};
+    use crate::oriented::shapes::{cube, grid};
 
     #[test]
     fn distances_from_a_cube_are_those_of_a_box() {

@@ -432,8 +432,8 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
     use super::*;
     use crate::mesh::Mesh;
-    use crate::oriented::for_tests::{cube, grid, l_shape};
     use crate::oriented::nearest::FaceBoxes;
+    use crate::oriented::shapes::{cube, grid, l_shape};
 
     fn sampled(
         mesh: &Mesh,

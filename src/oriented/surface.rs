@@ -154,7 +154,7 @@ fn weld(positions: &[Vec3]) -> (Vec<DVec3>, Vec<u32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::oriented::for_tests::cube;
+    use crate::oriented::shapes::cube;
 
     #[test]
     fn a_cube_of_24_vertices_has_8_points_and_closed_edges() {

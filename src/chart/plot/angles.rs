@@ -1,7 +1,7 @@
 //! The chart of splats from vertices: error and time by the angle of their clusters or of the angle test.
 
-use super::axis::PlotAxis;
-use super::{FAINT, INK, escaped, plain};
+use super::axis::{AxisText, INK, PlotAxis, PlotField, points_text};
+use super::{escaped, plain};
 use std::fmt::Write;
 
 /// A way of drawing: a point for each angle, or one that has none and is a level line.
@@ -63,65 +63,30 @@ fn panel(
     out: &mut String,
     lines: &[AngleLine],
     column: usize,
-    label: &str,
+    name: &str,
     value: fn(&(Option<f64>, f64, f64)) -> f64,
 ) {
-    let (left, top) = (6.0 + PANEL * column as f64 + LEFT, TOP);
-    let [width, height] = FIELD;
     let all = || lines.iter().flat_map(|line| &line.points);
-    let angle = PlotAxis::around(all().filter_map(|point| point.0));
-    let up = PlotAxis::around(all().map(value));
-    let _ = writeln!(
-        out,
-        "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"{INK}\"/>\
-         <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">angle, degrees</text>\
-         <text transform=\"translate({:.1} {:.1}) rotate(-90)\" text-anchor=\"middle\">{label}</text>",
-        left + width / 2.0,
-        top + height + 40.0,
-        left - 54.0,
-        top + height / 2.0
-    );
-    for (tick, is_labeled) in angle.ticks() {
-        let x = left + width * angle.place(tick);
-        let _ = writeln!(
-            out,
-            "<line x1=\"{x:.1}\" y1=\"{top:.1}\" x2=\"{x:.1}\" y2=\"{:.1}\" stroke=\"{FAINT}\"/>",
-            top + height
-        );
-        if is_labeled {
-            let y = top + height + 18.0;
-            let text = plain(tick);
-            let _ = writeln!(
-                out,
-                "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{text}</text>"
-            );
-        }
-    }
-    for (tick, is_labeled) in up.ticks() {
-        let y = top + height * (1.0 - up.place(tick));
-        let _ = writeln!(
-            out,
-            "<line x1=\"{left:.1}\" y1=\"{y:.1}\" x2=\"{:.1}\" y2=\"{y:.1}\" stroke=\"{FAINT}\"/>",
-            left + width
-        );
-        if is_labeled {
-            let (x, y, text) = (left - 6.0, y + 4.5, plain(tick));
-            let _ = writeln!(
-                out,
-                "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"end\">{text}</text>"
-            );
-        }
-    }
+    let field = PlotField {
+        corner: [6.0 + PANEL * column as f64 + LEFT, TOP],
+        size: FIELD,
+        across: PlotAxis::around(all().filter_map(|point| point.0)),
+        up: PlotAxis::around(all().map(value)),
+    };
+    let [across, up] = ["angle, degrees", name].map(|name| AxisText { name, show: plain });
+    field.write_axes(out, across, up);
+    let ends = [field.corner[0], field.corner[0] + field.size[0]];
     for (i, line) in lines.iter().enumerate() {
         let (color, dash) = STROKES[i % STROKES.len()];
         let mut places: Vec<[f64; 2]> = Vec::new();
         for point in line.points.iter().filter(|point| value(point).is_finite()) {
-            let y = top + height * (1.0 - up.place(value(point)));
+            let y = field.y(value(point));
             match point.0 {
-                Some(degrees) => places.push([left + width * angle.place(degrees), y]),
-                None => places.extend([[left, y], [left + width, y]]),
+                Some(degrees) => places.push([field.x(degrees), y]),
+                None => places.extend(ends.map(|x| [x, y])),
             }
         }
+        // Markers would hide dashes of what has no angle.
         let has_angles = line.points.iter().any(|point| point.0.is_some());
         for [x, y] in places.iter().filter(|_| has_angles) {
             let _ = writeln!(
@@ -129,14 +94,10 @@ fn panel(
                 "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.5\" fill=\"{color}\"/>"
             );
         }
-        let text: Vec<String> = places
-            .iter()
-            .map(|[x, y]| format!("{x:.1},{y:.1}"))
-            .collect();
         let _ = writeln!(
             out,
             "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\" stroke-dasharray=\"{dash}\"/>",
-            text.join(" ")
+            points_text(&places)
         );
     }
 }

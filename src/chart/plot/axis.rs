@@ -1,4 +1,12 @@
-//! Logarithmic axes.
+//! Logarithmic axes, and the field between two of them.
+
+use std::fmt::Write;
+
+/// Color of words.
+pub(super) const INK: &str = "#1b1e24";
+/// Color of what is less important.
+pub(super) const GRAY: &str = "#5b6370";
+const FAINT: &str = "#e4e7ec";
 
 /// A logarithmic axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,9 +79,134 @@ impl PlotAxis {
     }
 }
 
+/// A field of a chart: an axis to the right and one upward.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PlotField {
+    /// Left and top, pixels.
+    pub(super) corner: [f64; 2],
+    /// Width and height, pixels.
+    pub(super) size: [f64; 2],
+    pub(super) across: PlotAxis,
+    pub(super) up: PlotAxis,
+}
+
+/// Words at an axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AxisText<'t> {
+    /// Name of the axis.
+    pub(super) name: &'t str,
+    /// How a value is written.
+    pub(super) show: fn(f64) -> String,
+}
+
+impl PlotField {
+    /// Place of a value to the right, pixels.
+    pub(super) fn x(&self, value: f64) -> f64 {
+        self.corner[0] + self.size[0] * self.across.place(value)
+    }
+
+    /// Place of a value upward, pixels.
+    pub(super) fn y(&self, value: f64) -> f64 {
+        self.corner[1] + self.size[1] * (1.0 - self.up.place(value))
+    }
+
+    /// Writes lines at the ticks, their values, a frame and the names of both axes.
+    pub(super) fn write_axes(&self, out: &mut String, across: AxisText<'_>, up: AxisText<'_>) {
+        let ([left, top], [width, height]) = (self.corner, self.size);
+        let (right, bottom) = (left + width, top + height);
+        let weight = |is_major| if is_major { 1.2 } else { 0.5 };
+        // Writing to a string does not fail.
+        for (value, is_major) in self.across.ticks() {
+            let x = self.x(value);
+            let _ = writeln!(
+                out,
+                "<line x1=\"{x:.1}\" y1=\"{top:.1}\" x2=\"{x:.1}\" y2=\"{bottom:.1}\" stroke=\"{FAINT}\" \
+                 stroke-width=\"{}\"/>",
+                weight(is_major)
+            );
+            if is_major {
+                let _ = writeln!(
+                    out,
+                    "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
+                    bottom + 18.0,
+                    (across.show)(value)
+                );
+            }
+        }
+        let label = |y: f64, text: &str| {
+            let (x, y) = (left - 7.0, y + 4.5);
+            format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"end\">{text}</text>\n")
+        };
+        for (value, is_major) in self.up.ticks() {
+            let y = self.y(value);
+            let _ = writeln!(
+                out,
+                "<line x1=\"{left:.1}\" y1=\"{y:.1}\" x2=\"{right:.1}\" y2=\"{y:.1}\" stroke=\"{FAINT}\" \
+                 stroke-width=\"{}\"/>",
+                weight(is_major)
+            );
+            if is_major {
+                *out += &label(y, &(up.show)(value));
+            }
+        }
+        if self.up.has_zero {
+            *out += &label(bottom, "0");
+        }
+        let _ = writeln!(
+            out,
+            "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width}\" height=\"{height}\" fill=\"none\" \
+             stroke=\"#aab1bd\"/>\
+             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{GRAY}\">{}</text>\
+             <text transform=\"translate({:.1} {:.1}) rotate(-90)\" text-anchor=\"middle\" fill=\"{GRAY}\">{}</text>",
+            left + width / 2.0,
+            bottom + 40.0,
+            across.name,
+            left - 56.0,
+            top + height / 2.0,
+            up.name
+        );
+    }
+}
+
+/// Places as the attribute `points` has them.
+pub(super) fn points_text(places: &[[f64; 2]]) -> String {
+    let each: Vec<String> = places
+        .iter()
+        .map(|[x, y]| format!("{x:.1},{y:.1}"))
+        .collect();
+    each.join(" ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_field_has_its_values_in_its_corners_and_a_label_at_zero() {
+        let field = |least: f64| PlotField {
+            corner: [10.0, 20.0],
+            size: [100.0, 200.0],
+            across: PlotAxis::around([1.0, 100.0].into_iter()),
+            up: PlotAxis::around([least, 4.0].into_iter()),
+        };
+        let one = field(1.0);
+        assert!(10.0 < one.x(1.0) && one.x(1.0) < one.x(100.0) && one.x(100.0) < 110.0);
+        assert!(20.0 < one.y(4.0) && one.y(4.0) < one.y(1.0) && one.y(1.0) < 220.0);
+        assert_eq!(one.y(0.0), 220.0);
+        let text = |field: &PlotField| {
+            let mut out = String::new();
+            let [across, up] = ["to the right", "upward"].map(|name| AxisText {
+                name,
+                show: |v| format!("<{v}>"),
+            });
+            field.write_axes(&mut out, across, up);
+            out
+        };
+        assert!(text(&one).contains("to the right") && text(&one).contains("upward"));
+        assert!(text(&one).contains("<10>") && !text(&one).contains(">0</text>"));
+        assert!(text(&field(0.0)).contains(">0</text>"));
+        assert_eq!(points_text(&[[1.0, 2.0], [3.04, 4.0]]), "1.0,2.0 3.0,4.0");
+    }
 
     #[test]
     fn values_lie_in_order_within_the_axis_and_some_ticks_are_labeled() {

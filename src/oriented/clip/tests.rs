@@ -1,9 +1,9 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 use crate::math::camera::{Camera, View};
 use crate::mesh::Mesh;
-use crate::oriented::for_tests::{cube, grid, l_shape};
 use crate::oriented::quality::{overhang, uncovered_share};
 use crate::oriented::radius::RadiusRule;
+use crate::oriented::shapes::{cube, grid, l_shape};
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
 use crate::pack::polygons::ScreenPolygon;

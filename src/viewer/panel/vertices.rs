@@ -1,8 +1,8 @@
 //! The part of the panel for splats that are made from the vertices of the mesh.
 
-use crate::oriented::radius::RadiusRule;
-use crate::oriented::resample::{SampleChoice, SamplePattern};
-use crate::oriented::splats::{LevelLeaf, SplatRules};
+use crate::oriented::choices::{LEVELS, PATTERNS, RADII, WordedChoice};
+use crate::oriented::resample::SampleChoice;
+use crate::oriented::splats::SplatRules;
 use crate::render::{Method, Settings};
 use egui::{DragValue, Ui};
 
@@ -35,67 +35,26 @@ pub(super) fn show(ui: &mut Ui, settings: &mut Settings) {
         }
     });
     if rules.samples.is_none() {
-        let radii = [
-            (
-                RadiusRule::Cover,
-                "covering",
-                "Of vertices: the least radius that covers",
-            ),
-            (
-                RadiusRule::Dietz,
-                "0.65 d",
-                "Of vertices: 0.65 of the distance to the farthest neighbor",
-            ),
-            (
-                RadiusRule::Dietz50,
-                "0.5 d",
-                "Of vertices: half of that distance",
-            ),
-        ];
-        values(ui, &mut rules.radius, &radii);
-        let levels = [
-            (None, "all", "Of vertices: every splat is drawn"),
-            (
-                Some(LevelLeaf::Splats),
-                "levels",
-                "Of vertices: what is smaller than the threshold is one disc; the rest is splats",
-            ),
-            (
-                Some(LevelLeaf::Triangles),
-                "levels, triangles",
-                "Of vertices: what is smaller than the threshold is one disc; the rest is triangles",
-            ),
-        ];
-        values(ui, &mut rules.levels, &levels);
+        values(ui, &mut rules.radius, &RADII.map(offered));
+        values(ui, &mut rules.levels, &LEVELS.map(offered));
     }
-    let even = |pattern| {
-        Some(SampleChoice {
-            pattern,
-            spacing: None,
-        })
+    let at_vertices = OfferedValue {
+        value: None,
+        label: "at vertices",
+        tip: "splats lie at the vertices",
     };
-    let samples = [
-        (
-            None,
-            "at vertices",
-            "Of vertices: splats lie at the vertices",
-        ),
-        (
-            even(SamplePattern::Lattice),
-            "lattice",
-            "Of vertices: splats lie evenly: in the middle of like parts of each triangle",
-        ),
-        (
-            even(SamplePattern::Poisson),
-            "Poisson disc",
-            "Of vertices: splats lie evenly: at random, none near another",
-        ),
-        (
-            even(SamplePattern::Rays),
-            "rays",
-            "Of vertices: splats lie evenly: where parallel rays along three axes meet the surface",
-        ),
-    ];
+    let even = PATTERNS.map(|choice| {
+        let OfferedValue { value, label, tip } = offered(choice);
+        OfferedValue {
+            value: Some(SampleChoice {
+                pattern: value,
+                spacing: None,
+            }),
+            label,
+            tip,
+        }
+    });
+    let samples = [[at_vertices].as_slice(), &even].concat();
     let before = rules.samples;
     values(ui, &mut rules.samples, &samples);
     if rules.samples.is_some() && before != rules.samples {
@@ -104,11 +63,27 @@ pub(super) fn show(ui: &mut Ui, settings: &mut Settings) {
     }
 }
 
+/// A value with its words.
+#[derive(Debug, Clone, Copy)]
+struct OfferedValue<T> {
+    value: T,
+    label: &'static str,
+    tip: &'static str,
+}
+
+fn offered<T>(choice: WordedChoice<T>) -> OfferedValue<T> {
+    let WordedChoice {
+        value, label, tip, ..
+    } = choice;
+    OfferedValue { value, label, tip }
+}
+
 /// Values beside each other, one of which is chosen.
-fn values<T: PartialEq + Copy>(ui: &mut Ui, value: &mut T, all: &[(T, &str, &str)]) {
+fn values<T: PartialEq + Copy>(ui: &mut Ui, value: &mut T, all: &[OfferedValue<T>]) {
     ui.horizontal(|ui| {
-        for (one, name, tip) in all {
-            ui.selectable_value(value, *one, *name).on_hover_text(*tip);
+        for one in all {
+            ui.selectable_value(value, one.value, one.label)
+                .on_hover_text(format!("Of vertices: {}", one.tip));
         }
     });
 }
