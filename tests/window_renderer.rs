@@ -8,7 +8,7 @@ use common::{Device, generated, orbit};
 use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
-use surfel::render::engine::{Backend, Engine};
+use surfel::render::engine::{Backend, Engine, smooth_threshold};
 use surfel::render::stats::{FrameTimes, KeptWork};
 use surfel::render::vulkan::renderer::present::ShownFrame;
 use surfel::render::vulkan::scene::DeviceScene;
@@ -321,6 +321,15 @@ fn a_resting_picture_becomes_the_mean_of_samples() {
             } else {
                 assert!(own <= before, "{what}: {own} of {before}");
             }
+            // It is the picture of surfel render: of the same samples, by the same rule.
+            let threshold = smooth_threshold(&look, true).unwrap_or(look.threshold_px);
+            let rendered = Settings {
+                threshold_px: threshold,
+                ..look
+            };
+            let rendered = engine.smooth(&here, &rendered).unwrap().to_image();
+            let off = mean_levels(&smooth, &rendered);
+            assert!(off < 0.02, "{what}: {off}");
             // Another view, and the same again, begin with one sample.
             let other = window.picture(&there, &look);
             assert!(other != smooth && window.renderer.can_be_smoother(&look));

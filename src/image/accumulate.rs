@@ -149,6 +149,13 @@ pub fn evenly(view: &View, i: u32) -> View {
     shifted(view, at(h), at(reversed))
 }
 
+/// The samples of [`evenly`] in an order in which those that are shown first are even as well: each four from a multiple of four
+/// on lie in four columns, four rows and 2 x 2 cells. Quarters are those of [`evenly`]. `n` counts modulo 64.
+pub fn evenly_by_fours(view: &View, n: u32) -> View {
+    let within = (n & 3) << 2 | n >> 2 & 3;
+    evenly(view, n & !15 | within)
+}
+
 /// As [`jittered`] with the sample anywhere in its cell of the grid instead of its middle: jittered (stratified) sampling
 /// (Cook, 1986), which turns the aliasing of a regular grid into noise. The places are pseudo-random and the same in
 /// every run.
@@ -191,13 +198,22 @@ mod tests {
         let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.8, (1.0, 9.0));
         let view = camera.view(DVec3::ZERO).unwrap();
         let (x, y, _) = view.project(Vec3::ZERO);
-        let place = |i: u32| {
-            let (sx, sy, _) = evenly(&view, i).project(Vec3::ZERO);
+        let place_in = |view: View| {
+            let (sx, sy, _) = view.project(Vec3::ZERO);
             [x - sx, y - sy].map(|off| ((off + 0.5) * 64.0) as usize)
         };
+        let place = |i: u32| place_in(evenly(&view, i));
+        let by_fours = |n: u32| place_in(evenly_by_fours(&view, n));
         let parts = [0..64, 0..32, 32..64, 0..16, 16..32, 32..48, 48..64];
-        for part in parts {
-            let places: Vec<[usize; 2]> = part.clone().map(place).collect();
+        let fours = (0..16).map(|n| 4 * n..4 * n + 4);
+        for (part, is_by_fours) in (parts.iter().map(|part| (part.clone(), false)))
+            .chain(parts.iter().cloned().chain(fours).map(|part| (part, true)))
+        {
+            let own = part.clone().map(|i| match is_by_fours {
+                true => by_fours(i),
+                false => place(i),
+            });
+            let places: Vec<[usize; 2]> = own.collect();
             // As many boxes as samples, of any shape, from columns over cells to rows.
             let bits = places.len().ilog2() as usize;
             for across in 0..=bits {
@@ -209,7 +225,7 @@ mod tests {
                 assert_eq!(boxes.len(), places.len(), "{part:?}, 2^{across} columns");
             }
         }
-        assert_eq!(place(64), place(0));
+        assert_eq!((place(64), by_fours(64)), (place(0), by_fours(0)));
     }
 
     #[test]

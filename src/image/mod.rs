@@ -14,7 +14,8 @@ mod read;
 mod sheet;
 
 pub use accumulate::{
-    Accumulator, EVEN_SAMPLES, evenly, jittered, mean_difference, shifted, stratified,
+    Accumulator, EVEN_SAMPLES, evenly, evenly_by_fours, jittered, mean_difference, shifted,
+    stratified,
 };
 pub use channels::{
     ChannelComparison, ChannelDifference, PictureChannel, PictureChannels, compare_channels,

@@ -31,6 +31,7 @@ use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Path, Settings};
 use crate::tree::Model;
 pub use smooth::smooth_threshold;
+pub(crate) use smooth::{LEAST_SAMPLES, SMOOTH_DIFFERENCE};
 use std::sync::Arc;
 
 /// Outputs of samples: values, so that only their mean is rounded.

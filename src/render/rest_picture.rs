@@ -1,13 +1,14 @@
-//! The picture of a camera that rests: samples at shifted places, one after the other, whose mean gets smoother.
+//! The picture of a camera that rests: samples at shifted places, one after the other, whose mean gets smoother. In the end it is
+//! that of `surfel render`.
 
 use crate::gpu::image::DeviceImage as MappedImage;
 use crate::gpu::{Error, Gpu};
-use crate::image::{Accumulator, Image, mean_difference, shifted};
+use crate::image::{Accumulator, EVEN_SAMPLES, Image, evenly_by_fours, mean_difference};
 use crate::math::camera::View;
 use crate::pack::ColorBy;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
-use crate::render::engine::smooth_threshold;
+use crate::render::engine::{LEAST_SAMPLES, SMOOTH_DIFFERENCE, smooth_threshold};
 use crate::render::frame_plan::FramePlan;
 use crate::render::model_facts::DrawnParts;
 use crate::render::vulkan::renderer::VulkanRenderer;
@@ -15,15 +16,8 @@ use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{PictureOutputs, Settings, SplatKind};
 use std::sync::Arc;
 
-/// Samples of a pixel at most, and those after which it is looked whether they are enough.
-const MOST_SAMPLES: u32 = 64;
-const LEAST_SAMPLES: u32 = 16;
-
-/// Mean difference of covered pixels between two halves of the samples below which they are enough, 1 is white.
-const ENOUGH: f64 = 2.0 / 255.0;
-
-/// Numbers of samples after which their mean is shown.
-const SHOWN_AFTER: [u32; 4] = [4, LEAST_SAMPLES, 32, MOST_SAMPLES];
+/// Numbers of samples after which their mean is shown. After the third it is looked whether they are enough.
+const SHOWN_AFTER: [u32; 4] = [4, 16, LEAST_SAMPLES, EVEN_SAMPLES];
 
 /// Samples have values, so that only their mean is rounded.
 const VALUES: PictureOutputs = PictureOutputs {
@@ -35,7 +29,7 @@ const VALUES: PictureOutputs = PictureOutputs {
 /// A picture that gets smoother.
 #[derive(Debug, Default)]
 pub(crate) struct RestPicture {
-    /// Samples of even and of odd numbers.
+    /// Samples of the first and third quarter, and of the others.
     halves: [Accumulator; 2],
     is_over: bool,
     /// The mean that is shown, once one is.
@@ -126,7 +120,7 @@ impl RestPicture {
         }
         let count = self.count();
         let image = self.sample(request, count)?;
-        let half = &mut self.halves[(count % 2) as usize];
+        let half = &mut self.halves[(count / 16 % 2) as usize];
         if half.add(&image).is_err() {
             self.resize();
             return Ok(false);
@@ -135,12 +129,11 @@ impl RestPicture {
         if !SHOWN_AFTER.contains(&count) {
             return Ok(false);
         }
-        let [even, odd] = &self.halves;
-        let is_enough =
-            count >= LEAST_SAMPLES && mean_difference(&even.mean(), &odd.mean()) <= ENOUGH;
-        self.is_over = is_enough || count >= MOST_SAMPLES;
-        let mut all = even.clone();
-        if all.join(odd).is_err() {
+        let [one, other] = &self.halves;
+        let is_enough = || mean_difference(&one.mean(), &other.mean()) <= SMOOTH_DIFFERENCE;
+        self.is_over = count >= EVEN_SAMPLES || count == LEAST_SAMPLES && is_enough();
+        let mut all = one.clone();
+        if all.join(other).is_err() {
             unreachable!("halves have one size");
         }
         self.put(&all.mean().to_image());
@@ -155,14 +148,7 @@ impl RestPicture {
             settings,
             device,
         } = request;
-        // Places of low discrepancy, so that any number of them is even: Roberts, *The Unreasonable Effectiveness of
-        // Quasirandom Sequences* (2018).
-        let at = |step: f64| (0.5 + step * f64::from(number)).fract() - 0.5;
-        let view = &shifted(
-            view,
-            at(0.754_877_666_246_692_8),
-            at(0.569_840_290_998_053_3),
-        );
+        let view = &evenly_by_fours(view, number);
         // A threshold that somebody chose stays.
         let smooth = smooth_threshold(settings, parts.facts().kind.is_surface());
         let settings = &Settings {

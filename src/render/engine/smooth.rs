@@ -19,7 +19,7 @@ pub fn smooth_threshold(settings: &Settings, is_surface: bool) -> Option<f32> {
 }
 
 /// Samples of a pixel at least; twice as many where they are not enough.
-const LEAST_SAMPLES: u32 = EVEN_SAMPLES / 2;
+pub(crate) const LEAST_SAMPLES: u32 = EVEN_SAMPLES / 2;
 
 /// The same of paged files, whose samples are pixels of a larger picture: sides of grids.
 const LEAST_SIDE: u32 = 4;
@@ -27,7 +27,7 @@ const MOST_SIDE: u32 = 8;
 
 /// Mean difference of covered pixels between two halves of the samples above which more are drawn, 1 is white. Their mean is
 /// off by about half of it.
-const SMOOTH_DIFFERENCE: f64 = 1.25 / 255.0;
+pub(crate) const SMOOTH_DIFFERENCE: f64 = 1.25 / 255.0;
 const SMOOTH_DIFFERENCE_OF_GRIDS: f64 = 2.0 / 255.0;
 
 impl Engine<'_> {
