@@ -15,6 +15,7 @@ use surfel::gpu::{self, DeviceOptions};
 use surfel::progress::Silent;
 use surfel::render::Settings;
 use surfel::render::window_renderer::WindowBackend;
+use surfel::viewer::control::FrameGoal;
 use surfel::viewer::record::EventRecorder;
 use surfel::viewer::{self, InjectedFaults, RunFigures, ViewerOptions};
 
@@ -155,7 +156,10 @@ fn play(
         device: every(&mut numbers),
         memory: every(&mut numbers),
     };
-    let frame_ms = numbers.once_in(3).then_some(33.0);
+    let frame_goal = match numbers.once_in(3) {
+        true => FrameGoal::Usual,
+        false => FrameGoal::Free,
+    };
     let entries = session(&mut numbers, first.clone(), files, args.acts);
     let mut recorder = EventRecorder::create(recording).map_err(viewer::Error::from)?;
     recorder.add(&entries).map_err(viewer::Error::from)?;
@@ -166,7 +170,7 @@ fn play(
         size: (320, 240),
         settings: Settings::default(),
         backend,
-        frame_ms,
+        frame_goal,
         smooths: true,
         splat_by_model: true,
         watches: false,

@@ -11,6 +11,7 @@ use super::source::{ColorArgs, Framing, KeepArgs, PageArgs, SurfaceArgs, open_op
 use super::{Failure, Outcome, print, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
+use surfel::viewer::control::FrameGoal;
 use surfel::viewer::{self, InjectedFaults, PhotographOptions, ViewerOptions, store};
 
 /// Mouse and keys, for `surfel --help`.
@@ -76,9 +77,10 @@ pub(crate) struct Args {
     /// First view: a camera file as `surfel render --save-camera` or Ctrl C in the window writes it
     #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
     camera: Option<PathBuf>,
-    /// While the camera moves, draw as coarsely as it takes to keep frames within this time; milliseconds
-    #[arg(long, value_name = "MS")]
-    frame_ms: Option<f64>,
+    /// While the camera moves, draw as coarsely as it takes to keep frames within this time; milliseconds, or off [default: as it
+    /// was left; 33 where the processor draws, 16 on graphics hardware, off where pictures are made]
+    #[arg(long, value_name = "MS", value_parser = parse_frame_goal)]
+    frame_ms: Option<FrameGoal>,
     /// Whether the panel is shown [default: as it was left; off where pictures are made]
     #[arg(long, value_enum)]
     panel: Option<Switch>,
@@ -150,6 +152,14 @@ impl From<viewer::Error> for Failure {
     }
 }
 
+fn parse_frame_goal(text: &str) -> Result<FrameGoal, String> {
+    match text.parse() {
+        _ if text == "off" => Ok(FrameGoal::Free),
+        Ok(ms) if (1.0..=10_000.0).contains(&ms) => Ok(FrameGoal::Held(ms)),
+        _ => Err("expected milliseconds, 1 to 10000, or off".to_owned()),
+    }
+}
+
 pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     args.look.default_for_people();
     args.color.by = args.look.take_point_color();
@@ -157,13 +167,6 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     let gpu = args.device.options();
     let backend = args.device.window_backend()?;
     require_ending("--screenshot", args.screenshot.as_ref(), &["png"])?;
-    if let Some(ms) = args.frame_ms
-        && !(1.0..=10_000.0).contains(&ms)
-    {
-        return Err(usage(format!(
-            "--frame-ms {ms} is no time from 1 to 10000 milliseconds"
-        )));
-    }
     if let Some(scale) = args.ui_scale
         && !(0.25..=8.0).contains(&scale)
     {
@@ -236,7 +239,11 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         orbit: (azimuth.to_radians(), elevation.to_radians(), fill),
         camera,
         settings,
-        frame_ms: args.frame_ms.or(window.frame_ms),
+        frame_goal: match args.frame_ms {
+            Some(goal) => goal,
+            None if is_attended => FrameGoal::of_stored(window.frame_ms),
+            None => FrameGoal::Free,
+        },
         backend,
         vsync: args.vsync != Some(Switch::Off),
         gpu,

@@ -42,6 +42,57 @@ const REFINE: f32 = 0.7;
 /// Off by less than this the time counts as held.
 const HELD: f64 = 0.15;
 
+/// Time that frames are held to while the view moves.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum FrameGoal {
+    /// That of the device: 33 ms where the processor draws, 16 ms on graphics hardware.
+    #[default]
+    Usual,
+    /// None: frames take the time that they take.
+    Free,
+    /// So many milliseconds.
+    Held(f64),
+}
+
+impl FrameGoal {
+    /// Milliseconds; none where frames are free.
+    pub fn target_ms(self, is_drawn_by_processor: bool) -> Option<f64> {
+        match self {
+            Self::Usual if is_drawn_by_processor => Some(33.0),
+            Self::Usual => Some(16.0),
+            Self::Free => None,
+            Self::Held(ms) => Some(ms),
+        }
+    }
+
+    /// The goal that is a time, or none, on such a device.
+    pub fn of_ms(target_ms: Option<f64>, is_drawn_by_processor: bool) -> Self {
+        match target_ms {
+            None => Self::Free,
+            now if now == Self::Usual.target_ms(is_drawn_by_processor) => Self::Usual,
+            Some(ms) => Self::Held(ms),
+        }
+    }
+
+    /// As it is kept in files: none is the usual, 0 is free.
+    pub fn stored(self) -> Option<f64> {
+        match self {
+            Self::Usual => None,
+            Self::Free => Some(0.0),
+            Self::Held(ms) => Some(ms),
+        }
+    }
+
+    /// The goal that was kept so.
+    pub fn of_stored(stored: Option<f64>) -> Self {
+        match stored {
+            None => Self::Usual,
+            Some(0.0) => Self::Free,
+            Some(ms) => Self::Held(ms),
+        }
+    }
+}
+
 /// What is known about the wanted time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BudgetReport {

@@ -32,6 +32,7 @@ pub mod text;
 pub mod ui;
 mod window;
 
+use self::control::FrameGoal;
 use crate::bench::calibrate;
 use crate::gpu::messages::LayerMessages;
 use crate::gpu::{self, Gpu};
@@ -135,8 +136,8 @@ pub struct ViewerOptions {
     pub camera: Option<Camera>,
     /// How the model is drawn at first.
     pub settings: Settings,
-    /// Wanted time of a frame while the camera moves, milliseconds.
-    pub frame_ms: Option<f64>,
+    /// Wanted time of a frame while the camera moves.
+    pub frame_goal: FrameGoal,
     /// Wait for the screen, so that nothing tears.
     pub vsync: bool,
     /// Which device; its surface extensions are set here.
@@ -338,7 +339,7 @@ fn keep(app: &ViewerApp, window: &ViewerWindow) {
             scale_bar: app.marks.scale_bar,
             axes: app.marks.axes,
             parallel_light: app.has_parallel_light(),
-            frame_ms: app.frame_time(),
+            frame_ms: app.frame_goal().stored(),
             recent: app.recent.files().to_vec(),
         },
         look: store::StoredLook::of(&app.settings),

@@ -42,7 +42,7 @@ pub struct StoredWindow {
     pub axes: bool,
     /// The headlight is parallel, not a point in the eye.
     pub parallel_light: bool,
-    /// Time that frames are held to while the view moves, milliseconds.
+    /// Time that frames are held to while the view moves, milliseconds; 0 for none, nothing for that of the device.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame_ms: Option<f64>,
     /// Files that were shown, the last one first.
@@ -328,10 +328,10 @@ pub fn load(path: &Path) -> Result<(StoredSettings, Settings), String> {
         }
     }
     if let Some(ms) = stored.window.frame_ms
-        && !(1.0..=10_000.0).contains(&ms)
+        && !(ms == 0.0 || (1.0..=10_000.0).contains(&ms))
     {
         return Err(fail(format!(
-            "window.frame_ms is {ms}; it may be 1 to 10000"
+            "window.frame_ms is {ms}; it may be 1 to 10000, or 0 for none"
         )));
     }
     Ok((stored, settings))

@@ -227,10 +227,17 @@ impl<'d> Window<'d> {
         Self::start(display, command)
     }
 
-    /// Starts a window that shows frames of one sample, with which most tests compare it, unless the command says otherwise.
+    /// Starts a window that shows whole frames of one sample, with which most tests compare it, unless the command says otherwise.
     pub(crate) fn start(display: &'d Display, mut command: Command) -> Self {
-        if !command.get_args().any(|word| word == "--smooth") {
+        let says = |command: &Command, option: &str| command.get_args().any(|word| word == option);
+        if !says(&command, "--smooth") {
             command.args(["--smooth", "off"]);
+        }
+        // Windows with settings of their own are as these say.
+        let has_settings = (command.get_envs())
+            .any(|(key, value)| key == "SURFEL_CONFIG" && value.is_some_and(|v| !v.is_empty()));
+        if !has_settings && !says(&command, "--frame-ms") {
+            command.args(["--frame-ms", "off"]);
         }
         let mut process = command
             .stdout(Stdio::piped())

@@ -12,7 +12,7 @@ mod show;
 
 use super::camera::OrbitCamera;
 use super::choices::SurfaceNormals;
-use super::control::FrameBudget;
+use super::control::{FrameBudget, FrameGoal};
 use super::event::KeyboardKey;
 use super::graph::TimeHistory;
 use super::input::MouseState;
@@ -181,9 +181,9 @@ fn tell(message: &str) {
 
 impl ViewerApp {
     pub(super) fn new(screen: WindowScreen, options: ViewerOptions) -> Self {
-        let control = options
-            .frame_ms
-            .map(|ms| FrameBudget::new(ms, options.settings.threshold_px));
+        let is_slow = screen.is_drawn_by_processor();
+        let target_ms = options.frame_goal.target_ms(is_slow);
+        let control = target_ms.map(|ms| FrameBudget::new(ms, options.settings.threshold_px));
         let messages = vec![screen.gpu().messages().clone()];
         Self {
             screen,
@@ -278,8 +278,9 @@ impl ViewerApp {
     }
 
     /// The time that frames are held to, milliseconds.
-    pub(super) fn frame_time(&self) -> Option<f64> {
-        self.control.as_ref().map(FrameBudget::target_ms)
+    pub(super) fn frame_goal(&self) -> FrameGoal {
+        let now = self.control.as_ref().map(FrameBudget::target_ms);
+        FrameGoal::of_ms(now, self.screen.is_drawn_by_processor())
     }
 
     /// Whether the headlight is parallel.

@@ -284,3 +284,18 @@ fn frames_of_the_host_are_told_from_those_of_the_device() {
         assert!(off.is_some_and(|off| off.abs() < 0.05), "{work:?}: {off:?}");
     }
 }
+
+#[test]
+fn the_usual_time_is_that_of_the_device_and_what_is_kept_comes_back() {
+    for slow in [true, false] {
+        let usual = FrameGoal::Usual.target_ms(slow);
+        assert_eq!(usual, Some(if slow { 33.0 } else { 16.0 }));
+        assert_eq!(FrameGoal::of_ms(usual, slow), FrameGoal::Usual);
+        for goal in [FrameGoal::Usual, FrameGoal::Free, FrameGoal::Held(50.0)] {
+            assert_eq!(FrameGoal::of_ms(goal.target_ms(slow), slow), goal);
+            assert_eq!(FrameGoal::of_stored(goal.stored()), goal);
+        }
+    }
+    // Kept by one device, it is a time on another.
+    assert_eq!(FrameGoal::of_ms(Some(16.0), true), FrameGoal::Held(16.0));
+}

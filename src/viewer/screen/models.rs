@@ -4,6 +4,7 @@ use super::WindowScreen;
 use crate::gpu::Error;
 use crate::render::stats::FrameTimes;
 use crate::render::vulkan::scene::DeviceScene;
+use crate::render::window_renderer::WindowBackend;
 use crate::tree::{Model, OrbitSphere};
 use std::sync::Arc;
 
@@ -55,6 +56,11 @@ impl WindowScreen {
     /// Whether the first model stands in for a paged file.
     pub(in crate::viewer) fn is_paged(&self) -> bool {
         matches!(self.pages.first(), Some(Some(_)))
+    }
+
+    /// Whether the processor draws: by itself, or as a software device.
+    pub(in crate::viewer) fn is_drawn_by_processor(&self) -> bool {
+        self.gpu.info().is_cpu() || self.backend == WindowBackend::Cpu
     }
 
     /// Whether the leaves of the first model are points.
