@@ -19,6 +19,9 @@ use std::sync::Arc;
 /// Numbers of samples after which their mean is shown. After the third it is looked whether they are enough.
 const SHOWN_AFTER: [u32; 4] = [4, 16, LEAST_SAMPLES, EVEN_SAMPLES];
 
+/// Slow samples that do not end it.
+const MOST_SLOW: u32 = 2;
+
 /// Samples have values, so that only their mean is rounded.
 const VALUES: PictureOutputs = PictureOutputs {
     depth: false,
@@ -32,6 +35,8 @@ pub(crate) struct RestPicture {
     /// Samples of the first and third quarter, and of the others.
     halves: [Accumulator; 2],
     is_over: bool,
+    /// Number of slow samples.
+    slow: u32,
     /// The mean that is shown, once one is.
     shown: Option<usize>,
     images: Vec<MappedImage>,
@@ -68,7 +73,13 @@ impl RestPicture {
     /// Begins anew: another frame was drawn.
     pub(crate) fn forget(&mut self) {
         self.halves = Default::default();
-        (self.is_over, self.shown) = (false, None);
+        (self.is_over, self.shown, self.slow) = (false, None, 0);
+    }
+
+    /// Notes a slow sample. Few can be slow by chance; after more, none is taken until another frame was drawn.
+    pub(crate) fn note_slow(&mut self) {
+        self.slow += 1;
+        self.is_over |= self.slow > MOST_SLOW;
     }
 
     /// Forgets all that has a size.

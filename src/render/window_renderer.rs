@@ -346,6 +346,12 @@ impl WindowRenderer {
         has_mean(settings) && !self.rest.is_over()
     }
 
+    /// Notes that a sample took longer than somebody who waits for an answer would like. After the third the picture stays as it
+    /// is, until another frame is drawn.
+    pub fn note_slow_sample(&mut self) {
+        self.rest.note_slow();
+    }
+
     /// Draws a sample of the last frame, which had this view and these settings; tells whether [`WindowRenderer::submit_again`]
     /// has something smoother to show. Waits for frames on their way.
     ///

@@ -1,7 +1,7 @@
 //! One size of an image.
 
 use super::WrapMode;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 /// Rows that one task makes.
@@ -110,13 +110,13 @@ impl TextureLevel {
     pub fn bilinear(&self, at: Vec2, wrap: [WrapMode; 2]) -> Vec3 {
         let (columns, right) = neighbors(at.x, self.width, wrap[0]);
         let (rows, down) = neighbors(at.y, self.height, wrap[1]);
+        // All four channels: a vector of four takes what one number takes.
         let texel = |row: usize, column: usize| {
-            let [red, green, blue, _] = self.texels[row * self.width as usize + column];
-            Vec3::new(f32::from(red), f32::from(green), f32::from(blue))
+            Vec4::from(self.texels[row * self.width as usize + column].map(f32::from))
         };
         let upper = texel(rows[0], columns[0]).lerp(texel(rows[0], columns[1]), right);
         let lower = texel(rows[1], columns[0]).lerp(texel(rows[1], columns[1]), right);
-        upper.lerp(lower, down) * (1.0 / 255.0)
+        (upper.lerp(lower, down) * (1.0 / 255.0)).truncate()
     }
 }
 
@@ -124,11 +124,10 @@ impl TextureLevel {
 #[inline]
 fn neighbors(coordinate: f32, count: u32, wrap: WrapMode) -> ([usize; 2], f32) {
     let place = coordinate * count as f32 - 0.5;
-    let first = place.floor();
-    let part = place - first;
+    // The first is -1 at least. A whole number cut off is quicker than `floor`, a call where the processor has no such word.
+    let second = (place + 1.0) as usize;
+    let part = (place - (second as f32 - 1.0)).max(0.0);
     let last = count as usize - 1;
-    // The first is -1 at least.
-    let second = (first + 1.0) as usize;
     let beyond = match wrap {
         WrapMode::Repeat => [last, 0],
         WrapMode::Mirror | WrapMode::Clamp => [0, last],

@@ -34,14 +34,25 @@ impl WrapMode {
             return 0.0;
         }
         match self {
-            WrapMode::Repeat => coordinate - coordinate.floor(),
+            WrapMode::Repeat => coordinate - whole_below(coordinate),
             WrapMode::Mirror => {
-                let place = coordinate - 2.0 * (0.5 * coordinate).floor();
+                let place = coordinate - 2.0 * whole_below(0.5 * coordinate);
                 if place > 1.0 { 2.0 - place } else { place }
             }
             WrapMode::Clamp => coordinate.clamp(0.0, 1.0),
         }
     }
+}
+
+/// The largest whole number that is not above, as `floor` has it; that is a call where the processor has no such word.
+#[inline]
+fn whole_below(number: f32) -> f32 {
+    // From here on all numbers are whole.
+    if number.abs() >= (1 << 23) as f32 {
+        return number;
+    }
+    let cut = number as i32 as f32;
+    if cut > number { cut - 1.0 } else { cut }
 }
 
 /// An image with its smaller sizes, each half of the one before (rounded down) along each side, down to one texel.

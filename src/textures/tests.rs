@@ -168,3 +168,21 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn whole_numbers_below_are_those_of_floor() {
+    let mut numbers = vec![
+        0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 1e-30, -1e-30, 3e9, -3e9, 1e30,
+    ];
+    numbers.extend([
+        8_388_607.0,
+        8_388_607.5,
+        -8_388_607.5,
+        8_388_608.0,
+        16_777_217.0,
+    ]);
+    numbers.extend((0..4000).map(|i| (i - 2000) as f32 * 0.37));
+    for number in numbers {
+        assert_eq!(whole_below(number), number.floor(), "{number}");
+    }
+}

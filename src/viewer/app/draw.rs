@@ -20,9 +20,6 @@ use std::time::Instant;
 /// So long the view rests before its picture gets smoother, seconds: hands that turn pause for less.
 const REST_S: f64 = 0.25;
 
-/// A picture whose frame takes longer is not made smoother: what is pressed meanwhile would be answered late.
-const SLOWEST_SAMPLE_MS: f64 = 150.0;
-
 impl ViewerApp {
     /// What the frames that have finished cost, as events.
     pub(in crate::viewer) fn finished(&mut self) -> Vec<ViewerEvent> {
@@ -274,7 +271,7 @@ impl ViewerApp {
             && self.options.replay.is_none()
             && !(self.is_dirty() || self.is_preview || self.is_moving())
             && self.turntable.is_none()
-            && self.screen.can_be_smoother(settings, SLOWEST_SAMPLE_MS);
+            && self.screen.can_be_smoother(settings);
         let rest = REST_S - at.elapsed().as_secs_f64();
         may.then_some(rest.max(0.0))
     }

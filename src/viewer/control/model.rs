@@ -14,7 +14,7 @@
 
 use super::median;
 use crate::render::cost::model::{PerRasterizer, SIZES_PX, SplatCosts};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::VecDeque;
 
 /// Frames whose median says what a unit of work takes: a quarter of those that are kept, at most and at least so many.
@@ -49,6 +49,11 @@ const UNUSUAL: f64 = 3e-5;
 /// What a frame disagrees by counts less and less above this: one that waited for something must not decide.
 const FAR_OFF: f64 = 0.1;
 
+/// Reads a number; none is infinity, which JSON has no word for.
+fn or_infinity<'de, D: Deserializer<'de>>(from: D) -> Result<f32, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f32::INFINITY))
+}
+
 /// What is drawn in a frame, in numbers that are known before it is drawn.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -68,6 +73,7 @@ pub struct FrameWork {
     /// They may be drawn in the other way as well.
     pub is_free: bool,
     /// The largest threshold with which compute draws such splats, pixels.
+    #[serde(deserialize_with = "or_infinity")]
     pub largest_by_compute_px: f32,
     /// Nodes that cuts looked at which were counted for this frame and not drawn.
     pub counted: u64,

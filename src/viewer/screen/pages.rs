@@ -8,6 +8,10 @@ use crate::render::Settings;
 use crate::render::paged_model::PagedModel;
 use crate::render::window_renderer::ShownModel;
 use crate::tree::Model;
+use std::time::Instant;
+
+/// A picture whose samples take longer is not made smoother, milliseconds: what is pressed meanwhile would be answered late.
+const SLOWEST_SAMPLE_MS: f64 = 150.0;
 
 impl WindowScreen {
     /// Gives the pages that models stand in for, in their order, and tells whether frames wait for them.
@@ -50,10 +54,11 @@ impl WindowScreen {
     }
 
     /// Whether samples would make the picture of the last frame, drawn with these settings, smoother: where all of its pages are
-    /// there, and a frame takes less than this many milliseconds.
-    pub(in crate::viewer) fn can_be_smoother(&self, settings: &Settings, most_ms: f64) -> bool {
+    /// there, and no sample took longer than [`SLOWEST_SAMPLE_MS`]. A frame can take long by chance: where it took not very
+    /// much longer, a sample tells.
+    pub(in crate::viewer) fn can_be_smoother(&self, settings: &Settings) -> bool {
         let is_finished = self.drawn.is_some() && self.picture.is_some() && self.pending.is_empty();
-        let is_fine = self.wanted_pages() == 0 && self.times.frame_ms < most_ms;
+        let is_fine = self.wanted_pages() == 0 && self.times.frame_ms < 4.0 * SLOWEST_SAMPLE_MS;
         is_finished && is_fine && self.renderer.can_be_smoother(settings)
     }
 
@@ -72,6 +77,11 @@ impl WindowScreen {
             scene,
             pages: &mut self.pages,
         };
-        self.renderer.add_sample(shown, &view, settings)
+        let start = Instant::now();
+        let is_new = self.renderer.add_sample(shown, &view, settings)?;
+        if start.elapsed().as_secs_f64() * 1e3 > SLOWEST_SAMPLE_MS {
+            self.renderer.note_slow_sample();
+        }
+        Ok(is_new)
     }
 }
