@@ -150,7 +150,7 @@ pub(crate) fn make_even_splats(engine: &Engine<'_>, settings: &Settings, quiet: 
     drop(bar);
     match widest {
         Ok(Some(spacing)) if !quiet => say(&format!(
-            "surfel: even splats are {spacing:.3} apart: as dense as vertices there would be more than {MOST_SAMPLES}"
+            "surfel: even splats are {spacing:.2e} apart: as dense as vertices there would be more than {MOST_SAMPLES}"
         )),
         Ok(_) => {}
         Err(SampleError::Cancelled) => return Err(surfel::tree::Error::Cancelled.into()),

@@ -398,7 +398,8 @@ mod tests {
             let halves = [node.halves, node.halves + 1].map(|half| &tree.nodes[half].faces);
             let mut both = [&halves[0][..], &halves[1][..]].concat();
             let mut own = node.faces.clone();
-            (both.sort_unstable(), own.sort_unstable());
+            both.sort_unstable();
+            own.sort_unstable();
             assert_eq!(both, own);
         }
         // From afar above, the lower half shows its back: each face at most once.

@@ -111,7 +111,8 @@ impl SampleBounds {
         }
         let count = self.most_samples(pattern, spacing);
         if count > f64::from(MOST_SAMPLES) {
-            let enough = self.least_spacing(pattern, spacing);
+            // A step more, so that two digits of it are enough too.
+            let enough = 1.125 * self.least_spacing(pattern, spacing);
             return Err(
                 match self.most_samples(pattern, enough) <= f64::from(MOST_SAMPLES) {
                     true => SampleError::TooMany {
@@ -170,7 +171,7 @@ pub enum SampleError {
     Spacing(f64),
     /// There would be too many samples.
     #[error(
-        "a spacing of {spacing} makes up to {count:.0} splats; at most {MOST_SAMPLES} are made. Take a larger spacing: {enough:.3} is enough"
+        "a spacing of {spacing} makes up to {count:.0} splats; at most {MOST_SAMPLES} are made. Take a larger spacing: {enough:.1e} is enough"
     )]
     TooMany {
         /// The spacing.
