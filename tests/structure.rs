@@ -53,7 +53,7 @@ const LAYERS: &[Layer] = &[
         &["math", "threads", "simd", "textures", "tree", "cut", "abi"],
     ),
     // Splats from vertices, cut at edges: polygons of a mesh, without a tree.
-    layer("oriented", &["math", "mesh", "abi", "pack"]),
+    layer("oriented", &["progress", "math", "mesh", "abi", "pack"]),
     layer("image", &["math", "textures"]),
     // Records of nodes as oriented polygons, the cut by their errors, and an exact picture of it.
     layer(

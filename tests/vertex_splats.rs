@@ -160,7 +160,8 @@ fn a_device_draws_what_the_reference_draws() {
 #[test]
 fn a_device_draws_what_reaches_behind_the_eye() {
     let Some(device) = Device::open() else { return };
-    let model = cube();
+    let model = flat_cube();
+    assert_splats_alone(&model, cut(5.0), 24);
     let vulkan = Backend::Vulkan(device.gpu().clone());
     for target in [DVec3::X, DVec3::new(0.2, 0.9, 0.0), DVec3::ONE] {
         let eye = DVec3::new(0.5, 0.4, 0.6);
@@ -178,9 +179,19 @@ fn a_device_draws_what_reaches_behind_the_eye() {
     }
 }
 
+/// Holds that splats draw a model, so many of them and without any triangle: else a picture says nothing of them.
+fn assert_splats_alone(model: &Model, rules: SplatRules, count: u64) {
+    let outputs = PictureOutputs::default();
+    let mut engine = Engine::new(&Backend::Cpu, model, (240, 200), outputs).unwrap();
+    let drawn = engine.draw(&view(model, 0.3), &settings(rules)).unwrap();
+    let counts = drawn.counts;
+    assert_eq!((counts.splats, counts.triangles), (count, 0), "{rules:?}");
+}
+
 #[test]
 fn a_cube_of_eight_vertices_looks_as_its_triangles_do() {
-    let model = cube();
+    let model = flat_cube();
+    assert_splats_alone(&model, cut(5.0), 24);
     for azimuth in [0.3, 1.1, 2.0, 4.5] {
         let view = view(&model, azimuth);
         let triangles = Settings {
@@ -190,7 +201,17 @@ fn a_cube_of_eight_vertices_looks_as_its_triangles_do() {
         let exact = draw(&Backend::Mirror, &model, &view, &triangles);
         let splats = draw(&Backend::Mirror, &model, &view, &settings(cut(5.0)));
         // Rules for pixels on an edge are not the same.
-        assert!(differing(&exact, &splats) < 60);
+        let count = differing(&exact, &splats);
+        assert!(count < 60, "{azimuth}: {count}");
+        let uncut = SplatRules {
+            is_uncut: true,
+            ..cut(5.0)
+        };
+        let uncut = draw(&Backend::Mirror, &model, &view, &settings(uncut));
+        assert!(
+            differing(&exact, &uncut) > 2000,
+            "cuts are what makes it so"
+        );
         let whole = draw(
             &Backend::Mirror,
             &model,
@@ -206,7 +227,9 @@ fn a_cube_of_eight_vertices_looks_as_its_triangles_do() {
 fn a_device_blends_and_reconstructs_as_the_reference_does() {
     let Some(device) = Device::open() else { return };
     let vulkan = Backend::Vulkan(device.gpu().clone());
-    for (model, name) in [(cube(), "cube"), (sheet(), "sheet")] {
+    assert_splats_alone(&flat_cube(), cut(20.0), 24);
+    assert_splats_alone(&fan(), cut(20.0), 61);
+    for (model, name) in [(flat_cube(), "cube"), (fan(), "fan"), (sheet(), "sheet")] {
         // Not whole discs: a cube's are seen edge-on, where the depth of a pixel is anything.
         for rules in [cut(20.0), cut(3.0)] {
             let of = |splat, shading| Settings {
@@ -254,7 +277,8 @@ fn a_device_blends_and_reconstructs_as_the_reference_does() {
 /// Blended splats have the coverage of opaque ones, and on flat faces their colors.
 #[test]
 fn blended_splats_of_a_cube_look_as_opaque_ones_do() {
-    let model = cube();
+    let model = flat_cube();
+    assert_splats_alone(&model, cut(5.0), 24);
     let view = view(&model, 0.3);
     let opaque = draw(&Backend::Mirror, &model, &view, &settings(cut(5.0)));
     for splat in [SplatKind::Gauss, SplatKind::Visibility] {
@@ -291,6 +315,21 @@ fn flat_cube() -> Model {
     tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
 }
 
+/// A shallow cone of equal facets with one normal, so that splats alone draw it: 60 at its rim and one in the middle.
+fn fan() -> Model {
+    let rim = (0..60).map(|k| {
+        let turn = k as f32 / 60.0 * std::f32::consts::TAU;
+        Vec3::new(turn.cos(), turn.sin(), 0.0)
+    });
+    let mesh = Mesh {
+        positions: rim.chain([Vec3::new(0.0, 0.0, 0.02)]).collect(),
+        normals: vec![Vec3::Z; 61],
+        triangles: (0..60).map(|k| [k, (k + 1) % 60, 60]).collect(),
+        ..Mesh::default()
+    };
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
 /// Even splats of every pattern show what the triangles do, by every backend.
 #[test]
 fn even_splats_of_a_cube_look_as_its_triangles_do() {
@@ -316,6 +355,19 @@ fn even_splats_of_a_cube_look_as_its_triangles_do() {
             let splats = draw(&backend, &model, &view, &even(Some(0.11)));
             let count = differing(&exact, &splats);
             assert!(count < 120, "{pattern:?}: {count}");
+            let uncut = settings(SplatRules {
+                clip: None,
+                samples: Some(SampleChoice {
+                    pattern,
+                    spacing: Some(0.11),
+                }),
+                ..SplatRules::default()
+            });
+            let uncut = differing(&exact, &draw(&backend, &model, &view, &uncut));
+            assert!(
+                uncut > 2 * count.max(120),
+                "{pattern:?}: {uncut}, cuts matter"
+            );
         }
         let outputs = PictureOutputs::default();
         let mut engine = Engine::new(&Backend::Cpu, &model, (240, 200), outputs).unwrap();

@@ -7,6 +7,7 @@ use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
 use super::source::Source;
 use super::stats::{device_of, settings_of};
+use super::vertex_splats::make_even_splats;
 use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
@@ -112,6 +113,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let backend = args.device.open()?;
     let mut engine = Engine::new(&backend, &ready.model, size, PictureOutputs::default())?;
     engine.build_patches(&settings, &Bar::new(quiet))?;
+    make_even_splats(&engine, &settings, quiet)?;
     engine.set_costs(costs_of(&backend, &[settings]));
     let plan = Plan {
         views: &views,

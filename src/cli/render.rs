@@ -12,6 +12,7 @@ use super::placement_args::PlacementArgs;
 use super::progress::{Bar, is_interrupted};
 use super::rendered_picture::{RenderedPicture, numbered};
 use super::source::{ColorArgs, PageArgs, Source, parse_wait};
+use super::vertex_splats::make_even_splats;
 use super::{Failure, Outcome, print_bytes, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::io::IsTerminal;
@@ -530,6 +531,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         write_text(path, &(text + "\n"))?;
     }
     engine.build_patches(&settings, &Bar::new(quiet))?;
+    make_even_splats(&engine, &settings, quiet)?;
     engine.set_costs(costs_of(&backend, &[settings]));
     if let Some(staged) = &mut staged {
         engine.set_photos(Some(staged.frame(&views[0])))?;

@@ -1,13 +1,15 @@
 //! The options of splats that are made from vertices.
 
-use super::{Failure, usage};
+use super::progress::Bar;
+use super::{Failure, Outcome, say, usage};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
 use surfel::oriented::choices::{self, LevelChoice, WordedChoice};
 use surfel::oriented::radius::RadiusRule;
-use surfel::oriented::resample::{SampleChoice, SamplePattern};
+use surfel::oriented::resample::{MOST_SAMPLES, SampleChoice, SampleError, SamplePattern};
 use surfel::oriented::splats::SplatRules;
-use surfel::render::Method;
+use surfel::render::engine::Engine;
+use surfel::render::{Method, Settings};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum SplatOriginName {
@@ -74,7 +76,8 @@ pub(crate) struct VertexSplatArgs {
     /// Splats from vertices lie evenly on the surface instead, for models with a few large faces
     #[arg(long, value_name = "PATTERN", value_parser = word_of(&choices::PATTERNS))]
     resample: Option<SamplePattern>,
-    /// Distance of even splats, in units of the model [default: the median of the longest sides of triangles]
+    /// Distance of even splats, in units of the model [default: the median of the longest sides of triangles, or what makes at
+    /// most 200,000 splats]
     #[arg(long, value_name = "LENGTH")]
     spacing: Option<f64>,
     /// Levels of detail of splats from vertices, by --threshold
@@ -138,6 +141,22 @@ impl VertexSplatArgs {
             ..SplatRules::default()
         }))
     }
+}
+
+/// Makes the even splats of these settings with a bar, and says where they are wider apart than usual.
+pub(crate) fn make_even_splats(engine: &Engine<'_>, settings: &Settings, quiet: bool) -> Outcome {
+    let bar = Bar::new(quiet);
+    let widest = engine.build_even_splats(settings, &bar);
+    drop(bar);
+    match widest {
+        Ok(Some(spacing)) if !quiet => say(&format!(
+            "surfel: even splats are {spacing:.2e} apart: as dense as vertices there would be more than {MOST_SAMPLES}"
+        )),
+        Ok(_) => {}
+        Err(SampleError::Cancelled) => return Err(surfel::tree::Error::Cancelled.into()),
+        Err(error) => return Err(usage(format!("--resample: {error}"))),
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -183,16 +183,19 @@ fn splat_of_cluster(
     let frame = PlaneFrame::new(surface.points[point as usize], *sum)?;
     let radius = of_point(surface, point, frame.normal, faces, rule.radius);
     kept.clear();
+    kept.push(DVec2::ZERO);
     // How far the part lies from the plane.
     let mut lift = 0.0_f64;
     for &face in faces {
         let part = own_part(turned_to(surface, face, point));
-        kept.extend(part.corners().iter().map(|&x| frame.coordinates(x)));
-        let heights = part
-            .corners()
-            .iter()
-            .map(|&x| frame.normal.dot(x - frame.center));
-        lift = heights.fold(lift, |most, height| most.max(height.abs()));
+        // Each begins with the point; neighbors share the middles of their edges.
+        for &corner in &part.corners()[1..] {
+            lift = lift.max(frame.normal.dot(corner - frame.center).abs());
+            let place = frame.coordinates(corner);
+            if !kept.contains(&place) {
+                kept.push(place);
+            }
+        }
     }
     // The corners that decide the radius lie on the circle, where rounding would leave gaps.
     let beside = LIFT_MARGIN * lift;
@@ -295,6 +298,11 @@ fn rectangle_around(
     for &face in faces {
         let corners = surface.corners(face).map(|c| frame.coordinates(c));
         for k in 0..3 {
+            // Of two faces that share an edge the first has looked at it.
+            let other = surface.beyond[face as usize][k];
+            if other < face && faces.contains(&other) {
+                continue;
+            }
             let Some(direction) = (corners[(k + 1) % 3] - corners[k]).try_normalize() else {
                 continue;
             };

@@ -16,6 +16,7 @@ use crate::oriented::clip::walk;
 use crate::oriented::look::{VertexLook, take_look_of_face};
 use crate::oriented::surface::{NO_FACE, WeldedSurface};
 use crate::pack::polygons::{MOST_CUTS, PlaneFrame};
+use crate::progress::Progress;
 use glam::{DVec2, DVec3, IVec3, Vec3};
 use std::collections::HashMap;
 
@@ -46,7 +47,7 @@ pub struct SampleRules {
 pub struct SampleChoice {
     /// Pattern in which samples lie.
     pub pattern: SamplePattern,
-    /// Distance of neighbors, model units; `None` for [`SampleBounds::usual_spacing`].
+    /// Distance of neighbors, model units; `None` for [`SampleBounds::usual_spacing`], or more where that makes too many.
     pub spacing: Option<f64>,
 }
 
@@ -98,32 +99,67 @@ impl SampleBounds {
     /// Chooses how a mesh with these bounds is sampled.
     ///
     /// # Errors
-    /// A spacing that is not above 0, or so small that there may be more than [`MOST_SAMPLES`].
+    /// A spacing that is not above 0, or so small that there may be more than [`MOST_SAMPLES`]; without one, more faces than that.
     pub fn rules(&self, choice: &SampleChoice, crease: f64) -> Result<SampleRules, SampleError> {
+        let pattern = choice.pattern;
         let spacing = match choice.spacing {
             Some(spacing) => spacing,
-            // Nothing has no sides.
-            None if self.usual > 0.0 => self.usual,
-            None => 1.0,
+            None => self.least_spacing(pattern, self.usual),
         };
         if spacing.is_nan() || spacing <= 0.0 {
             return Err(SampleError::Spacing(spacing));
         }
-        let faces = self.faces as f64;
-        let count = match choice.pattern {
-            SamplePattern::Lattice => (self.squares / spacing + 2.0 * self.sides) / spacing + faces,
-            SamplePattern::Poisson | SamplePattern::Rays => {
-                1.5 * self.area / (spacing * spacing) + 4.0 * faces
-            }
-        };
+        let count = self.most_samples(pattern, spacing);
         if count > f64::from(MOST_SAMPLES) {
-            return Err(SampleError::TooMany { spacing, count });
+            // A step more, so that two digits of it are enough too.
+            let enough = 1.125 * self.least_spacing(pattern, spacing);
+            return Err(
+                match self.most_samples(pattern, enough) <= f64::from(MOST_SAMPLES) {
+                    true => SampleError::TooMany {
+                        spacing,
+                        count,
+                        enough,
+                    },
+                    false => SampleError::Faces(self.faces),
+                },
+            );
         }
         Ok(SampleRules {
-            pattern: choice.pattern,
+            pattern,
             spacing,
             crease,
         })
+    }
+
+    /// Most samples that a pattern can make at a spacing.
+    fn most_samples(&self, pattern: SamplePattern, spacing: f64) -> f64 {
+        let faces = self.faces as f64;
+        match pattern {
+            SamplePattern::Lattice => (self.squares / spacing + 2.0 * self.sides) / spacing + faces,
+            SamplePattern::Poisson | SamplePattern::Rays => {
+                1.5 * self.area / (spacing * spacing) + faces
+            }
+        }
+    }
+
+    /// The first spacing of `from`, an eighth more, and so on that makes no more than [`MOST_SAMPLES`]; where none does, one at
+    /// which almost all are those of faces.
+    fn least_spacing(&self, pattern: SamplePattern, from: f64) -> f64 {
+        let mut spacing = match from > 0.0 && from.is_finite() {
+            true => from,
+            // Nothing has no sides.
+            false => return 1.0,
+        };
+        // Of a model as large as numbers go it is this many steps from the least of them.
+        for _ in 0..20_000 {
+            if self.most_samples(pattern, spacing) <= f64::from(MOST_SAMPLES)
+                || spacing > 1e3 * (self.sides + self.area.sqrt())
+            {
+                break;
+            }
+            spacing *= 1.125;
+        }
+        spacing
     }
 }
 
@@ -135,18 +171,31 @@ pub enum SampleError {
     Spacing(f64),
     /// There would be too many samples.
     #[error(
-        "a spacing of {spacing} makes up to {count:.0} samples; at most {MOST_SAMPLES} fit. Take a larger spacing"
+        "a spacing of {spacing} makes up to {count:.0} splats; at most {MOST_SAMPLES} are made. Take a larger spacing: {enough:.1e} is enough"
     )]
     TooMany {
         /// The spacing.
         spacing: f64,
         /// About how many samples that makes.
         count: f64,
+        /// A spacing that makes few enough.
+        enough: f64,
     },
+    /// There would be too many, however far apart.
+    #[error(
+        "the model has {0} triangles, each of which needs a splat at least, and at most {MOST_SAMPLES} are made. Draw it by splats from vertices without --resample"
+    )]
+    Faces(usize),
+    /// The user asked for the end.
+    #[error("cancelled")]
+    Cancelled,
 }
 
-/// Most samples of a surface.
-pub const MOST_SAMPLES: u32 = 1 << 23;
+/// Most samples of a surface: seconds of work, and less memory than a model of millions.
+pub const MOST_SAMPLES: u32 = 200_000;
+
+/// Faces or darts between two questions for the end.
+const CANCEL_STEP: u64 = 256;
 
 /// By how much a radius is larger than it has to be.
 const RADIUS_MARGIN: f64 = 0.02;
@@ -154,62 +203,46 @@ const RADIUS_MARGIN: f64 = 0.02;
 /// Darts that are thrown for each sample that there is room for.
 const DARTS_A_SAMPLE: f64 = 12.0;
 
-/// Places that are looked at for bare surface, in each square of the spacing.
+/// Places that are looked at for bare surface, in each square of the spacing, and in a face besides.
 const LOOKS_A_SQUARE: f64 = 24.0;
+const LOOKS_A_FACE: u64 = 12;
+
+/// How far from the plane of a sample, in spacings, it still covers: from aside it lies that far beside the surface.
+const MOST_HEIGHT: f64 = 0.1;
 
 /// Splats that cover a surface evenly, in the order of its faces or of the darts.
 ///
 /// # Errors
-/// A spacing that is not above 0, or so small that there would be more than [`MOST_SAMPLES`].
+/// A spacing that is not above 0, or so small that there would be more than [`MOST_SAMPLES`]; [`SampleError::Cancelled`].
 pub fn samples_of(
     surface: &WeldedSurface,
     looks: &[VertexLook],
     rules: &SampleRules,
+    progress: &dyn Progress,
 ) -> Result<Vec<OrientedPolygon>, SampleError> {
-    let SampleRules {
-        pattern, spacing, ..
-    } = *rules;
-    if spacing.is_nan() || spacing <= 0.0 {
-        return Err(SampleError::Spacing(spacing));
-    }
-    let parts = |face: u32| {
-        (longest_side(surface.corners(face)) / spacing)
-            .ceil()
-            .max(1.0)
+    let choice = SampleChoice {
+        pattern: rules.pattern,
+        spacing: Some(rules.spacing),
     };
-    let faces = 0..surface.faces.len() as u32;
-    let area: f64 = surface.areas.iter().sum();
-    let count = match pattern {
-        SamplePattern::Lattice => faces.clone().map(|face| parts(face) * parts(face)).sum(),
-        SamplePattern::Poisson | SamplePattern::Rays => {
-            1.5 * area / (spacing * spacing) + surface.faces.len() as f64
-        }
-    };
-    if count > f64::from(MOST_SAMPLES) {
-        return Err(SampleError::TooMany { spacing, count });
-    }
+    let position = |p: u32| surface.points.get(p as usize).map(|p| p.as_vec3());
+    SampleBounds::of(position, &surface.faces).rules(&choice, rules.crease)?;
     let mut samples = PlacedSamples {
         surface,
         looks,
         rules,
+        progress,
         splats: Vec::new(),
         cells: HashMap::new(),
     };
-    match pattern {
-        SamplePattern::Lattice => {
-            for face in faces {
-                lattice(&mut samples, face, parts(face) as u32);
-            }
-        }
+    match rules.pattern {
+        SamplePattern::Lattice => samples.each_face("even splats", lattice)?,
         SamplePattern::Poisson => {
-            darts(&mut samples, area);
-            fill(&mut samples);
+            darts(&mut samples, surface.areas.iter().sum())?;
+            samples.each_face("bare places", fill)?;
         }
         SamplePattern::Rays => {
-            for face in faces {
-                rays(&mut samples, face);
-            }
-            fill(&mut samples);
+            samples.each_face("even splats", rays)?;
+            samples.each_face("bare places", fill)?;
         }
     }
     Ok(samples.splats)
@@ -224,11 +257,38 @@ struct PlacedSamples<'a> {
     surface: &'a WeldedSurface,
     looks: &'a [VertexLook],
     rules: &'a SampleRules,
+    progress: &'a dyn Progress,
     splats: Vec<OrientedPolygon>,
     cells: HashMap<IVec3, Vec<u32>>,
 }
 
 impl PlacedSamples<'_> {
+    /// Does something for each face, as long as nobody asks for the end and there are not too many samples.
+    fn each_face(
+        &mut self,
+        stage: &str,
+        mut of_face: impl FnMut(&mut Self, u32),
+    ) -> Result<(), SampleError> {
+        let count = self.surface.faces.len() as u32;
+        self.progress.stage(stage, count.into());
+        for face in 0..count {
+            self.step(face.into())?;
+            of_face(self, face);
+        }
+        Ok(())
+    }
+
+    /// Tells how far the work is; fails where it should end.
+    fn step(&self, number: u64) -> Result<(), SampleError> {
+        if number.is_multiple_of(CANCEL_STEP) {
+            if self.progress.is_cancelled() {
+                return Err(SampleError::Cancelled);
+            }
+            self.progress.advance(CANCEL_STEP);
+        }
+        Ok(())
+    }
+
     fn cell(&self, at: DVec3) -> IVec3 {
         (at / self.rules.spacing).floor().as_ivec3()
     }
@@ -288,14 +348,16 @@ impl PlacedSamples<'_> {
             let from_center = at - splat.center.as_dvec3();
             let [u, v, height] = [splat.axis, splat.second_axis(), splat.normal]
                 .map(|axis| from_center.dot(axis.as_dvec3()));
-            height.abs() <= 0.5 * self.rules.spacing && splat.contains([u as f32, v as f32])
+            height.abs() <= MOST_HEIGHT * self.rules.spacing && splat.contains([u as f32, v as f32])
         })
     }
 }
 
 /// n² like parts of a face, the middle of each.
-fn lattice(samples: &mut PlacedSamples<'_>, face: u32, n: u32) {
+fn lattice(samples: &mut PlacedSamples<'_>, face: u32) {
     let [a, b, c] = samples.surface.corners(face);
+    let n = (longest_side([a, b, c]) / samples.rules.spacing).ceil();
+    let n = n.max(1.0) as u32;
     let middle = (a + b + c) / 3.0;
     let radius = [a, b, c]
         .map(|x| x.distance(middle))
@@ -340,7 +402,7 @@ fn place_in([a, b, c]: [DVec3; 3], s: f64, t: f64) -> DVec3 {
 }
 
 /// Darts by area; those that fall nearer than the spacing to one on the same side are taken out.
-fn darts(samples: &mut PlacedSamples<'_>, area: f64) {
+fn darts(samples: &mut PlacedSamples<'_>, area: f64) -> Result<(), SampleError> {
     let surface = samples.surface;
     let spacing = samples.rules.spacing;
     let mut sum = 0.0;
@@ -352,7 +414,9 @@ fn darts(samples: &mut PlacedSamples<'_>, area: f64) {
         .collect();
     let mut numbers = DartNumbers(1);
     let count = (DARTS_A_SAMPLE * 0.7 * area / (spacing * spacing)).ceil() as u64;
-    for _ in 0..count {
+    samples.progress.stage("even splats", count);
+    for number in 0..count {
+        samples.step(number)?;
         let at = numbers.next() * sum;
         let face = ends.partition_point(|&end| end <= at).min(ends.len() - 1) as u32;
         let place = place_in(surface.corners(face), numbers.next(), numbers.next());
@@ -363,6 +427,7 @@ fn darts(samples: &mut PlacedSamples<'_>, area: f64) {
             samples.place(face, place, spacing, &[place]);
         }
     }
+    Ok(())
 }
 
 /// Where a lattice of rays along the axis that a face faces most meets it.
@@ -398,170 +463,34 @@ fn rays(samples: &mut PlacedSamples<'_>, face: u32) {
     }
 }
 
-/// Samples of their own for what no sample covers, looked for at evenly spread places of each face.
-fn fill(samples: &mut PlacedSamples<'_>) {
+/// Samples of their own for what no sample covers, looked for at evenly spread places of a face.
+fn fill(samples: &mut PlacedSamples<'_>, face: u32) {
     let surface = samples.surface;
     let spacing = samples.rules.spacing;
-    for face in 0..surface.faces.len() as u32 {
-        let corners = surface.corners(face);
-        let normal = surface.normals[face as usize];
-        let squares = surface.areas[face as usize] / (spacing * spacing);
-        let count = (LOOKS_A_SQUARE * squares).ceil() as u64 + 4;
-        for k in 0..count {
-            // The R2 sequence (M. Roberts, 2018); the corners first.
-            let place = match k {
-                0..3 => {
-                    corners[k as usize].lerp((corners[0] + corners[1] + corners[2]) / 3.0, 1e-3)
-                }
-                _ => {
-                    let k = k as f64;
-                    let s = (0.5 + k * 0.754_877_666_246_692_8) % 1.0;
-                    let t = (0.5 + k * 0.569_840_290_998_053_2) % 1.0;
-                    place_in(corners, s, t)
-                }
-            };
-            if !samples.covers(place, normal) {
-                samples.place(face, place, spacing, &[place]);
+    let corners = surface.corners(face);
+    let normal = surface.normals[face as usize];
+    let squares = surface.areas[face as usize] / (spacing * spacing);
+    let count = (LOOKS_A_SQUARE * squares).ceil() as u64 + LOOKS_A_FACE;
+    for k in 0..count {
+        // The R2 sequence (M. Roberts, 2018); the corners first.
+        let place = match k {
+            0..3 => corners[k as usize].lerp((corners[0] + corners[1] + corners[2]) / 3.0, 1e-3),
+            _ => {
+                let k = k as f64;
+                let s = (0.5 + k * 0.754_877_666_246_692_8) % 1.0;
+                let t = (0.5 + k * 0.569_840_290_998_053_2) % 1.0;
+                place_in(corners, s, t)
             }
+        };
+        // What fills cannot be more than bounds allow by much: there may be no end to needles.
+        if samples.splats.len() >= MOST_SAMPLES as usize {
+            return;
+        }
+        if !samples.covers(place, normal) {
+            samples.place(face, place, spacing, &[place]);
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-    use super::*;
-    use crate::mesh::Mesh;
-    use crate::oriented::nearest::FaceBoxes;
-    use crate::oriented::shapes::{cube, grid, l_shape};
-
-    fn sampled(
-        mesh: &Mesh,
-        pattern: SamplePattern,
-        spacing: f64,
-    ) -> (WeldedSurface, Vec<OrientedPolygon>) {
-        let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
-        let rules = SampleRules {
-            pattern,
-            spacing,
-            crease: 0.3,
-        };
-        let splats = samples_of(&surface, &[], &rules).unwrap();
-        (surface, splats)
-    }
-
-    /// The share of places on the surface that no splat holds, by other places than those that are filled.
-    fn bare(surface: &WeldedSurface, splats: &[OrientedPolygon]) -> f64 {
-        let mut numbers = DartNumbers(77);
-        let (mut all, mut bare) = (0, 0);
-        for face in 0..surface.faces.len() as u32 {
-            let normal = surface.normals[face as usize];
-            for _ in 0..300 {
-                let at = place_in(surface.corners(face), numbers.next(), numbers.next());
-                let is_covered = splats.iter().any(|splat| {
-                    let from = at - splat.center.as_dvec3();
-                    let [u, v] =
-                        [splat.axis, splat.second_axis()].map(|a| from.dot(a.as_dvec3()) as f32);
-                    splat.normal.as_dvec3().dot(normal) > 0.9
-                        && from.dot(normal).abs() < 1e-3
-                        && splat.contains([u, v])
-                });
-                all += 1;
-                bare += usize::from(!is_covered);
-            }
-        }
-        bare as f64 / f64::from(all)
-    }
-
-    #[test]
-    fn a_lattice_covers_exactly_and_stays_within_edges() {
-        for mesh in [cube(), l_shape()] {
-            let (surface, splats) = sampled(&mesh, SamplePattern::Lattice, 0.3);
-            let expected: usize = (0..surface.faces.len() as u32)
-                .map(|f| (longest_side(surface.corners(f)) / 0.3).ceil() as usize)
-                .map(|n| n * n)
-                .sum();
-            assert_eq!(splats.len(), expected);
-            assert_eq!(bare(&surface, &splats), 0.0);
-        }
-        let (surface, splats) = sampled(&cube(), SamplePattern::Lattice, 0.3);
-        let boxes = FaceBoxes::new(&surface);
-        let far = splats.iter().flat_map(|s| {
-            s.footprint().iter().map(|&c| {
-                let c = DVec2::from(c.map(f64::from)).clamp_length_max(s.round_radius.into());
-                boxes.distance(s.point(c.as_vec2().to_array()).as_dvec3())
-            })
-        });
-        assert!(far.fold(0.0, f64::max) < 1e-4);
-    }
-
-    #[test]
-    fn poisson_discs_keep_their_distance_and_have_the_density_of_random_packing() {
-        let mesh = grid(20, |_, _| 0.0);
-        let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
-        let rules = SampleRules {
-            pattern: SamplePattern::Poisson,
-            spacing: 0.5,
-            crease: 0.3,
-        };
-        let mut samples = PlacedSamples {
-            surface: &surface,
-            looks: &[],
-            rules: &rules,
-            splats: Vec::new(),
-            cells: HashMap::new(),
-        };
-        darts(&mut samples, 400.0);
-        let darts = samples.splats.len();
-        for (i, a) in samples.splats.iter().enumerate() {
-            let near = samples.splats[..i]
-                .iter()
-                .any(|b| a.center.distance(b.center) < 0.4999);
-            assert!(!near);
-        }
-        // 0.70 area / spacing² at jamming; 12 darts a sample leave some room.
-        let density = darts as f64 * 0.25 / 400.0;
-        assert!((0.57..0.70).contains(&density), "{density}");
-        fill(&mut samples);
-        assert!(samples.splats.len() < darts * 5 / 4);
-        assert!(bare(&surface, &samples.splats) < 1e-3);
-    }
-
-    #[test]
-    fn rays_meet_every_face_and_gaps_are_filled() {
-        for mesh in [cube(), l_shape()] {
-            let (surface, splats) = sampled(&mesh, SamplePattern::Rays, 0.13);
-            assert!(bare(&surface, &splats) < 1e-3);
-            let area: f64 = surface.areas.iter().sum();
-            let density = splats.len() as f64 * 0.13 * 0.13 / area;
-            assert!((0.8..1.4).contains(&density), "{density}");
-        }
-    }
-
-    #[test]
-    fn spacings_that_are_none_are_refused() {
-        let mesh = cube();
-        let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
-        for pattern in [
-            SamplePattern::Lattice,
-            SamplePattern::Poisson,
-            SamplePattern::Rays,
-        ] {
-            for spacing in [0.0, -1.0, f64::NAN, 1e-9] {
-                let rules = SampleRules {
-                    pattern,
-                    spacing,
-                    crease: 0.3,
-                };
-                assert!(samples_of(&surface, &[], &rules).is_err(), "{spacing}");
-            }
-        }
-        let none = WeldedSurface::default();
-        let rules = SampleRules {
-            pattern: SamplePattern::Poisson,
-            spacing: 1.0,
-            crease: 0.3,
-        };
-        assert_eq!(samples_of(&none, &[], &rules), Ok(Vec::new()));
-    }
-}
+mod tests;

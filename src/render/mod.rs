@@ -32,7 +32,8 @@ mod settings;
 pub mod stats;
 pub mod supported;
 pub(crate) mod technique;
-pub(crate) mod vertex_splats;
+pub(crate) mod vertex_looks;
+mod vertex_splats;
 pub mod vulkan;
 #[cfg(feature = "viewer")]
 pub mod window_renderer;

@@ -1,14 +1,17 @@
 //! Facts of what is drawn, found once: of each model, and of several that are drawn together.
 
+use crate::abi::OrientedPolygon;
 use crate::cut::ZeroAreaSet;
-use crate::oriented::resample::SampleBounds;
+use crate::oriented::resample::{SampleBounds, SampleChoice, SampleError, samples_of};
+use crate::oriented::surface::WeldedSurface;
 use crate::patches::{PatchCut, ResidentPatches};
 use crate::progress::{Progress, Silent};
+use crate::render::vertex_looks::looks_of;
 use crate::tree;
 use crate::tree::{Model, ModelKind};
 use glam::{DVec3, Vec3};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Number of models whose facts were asked for in this process.
 static MODELS: AtomicU64 = AtomicU64::new(0);
@@ -21,7 +24,17 @@ pub struct ModelFacts {
     drawn: DrawnFacts,
     undrawn: OnceLock<ZeroAreaSet>,
     patches: OnceLock<ResidentPatches>,
-    samples: OnceLock<SampleBounds>,
+    bounds: OnceLock<SampleBounds>,
+    /// Even splats by the last rules that were asked for.
+    even: Mutex<Option<EvenSplats>>,
+}
+
+/// Even splats of a model, or why there are none.
+#[derive(Debug, Clone)]
+struct EvenSplats {
+    choice: SampleChoice,
+    crease: f64,
+    made: Result<Arc<[OrientedPolygon]>, SampleError>,
 }
 
 /// A model to be drawn, with the facts that were found of it.
@@ -113,7 +126,8 @@ impl ModelFacts {
             drawn: model.into(),
             undrawn: OnceLock::new(),
             patches: OnceLock::new(),
-            samples: OnceLock::new(),
+            bounds: OnceLock::new(),
+            even: Mutex::new(None),
         }
     }
 
@@ -125,7 +139,8 @@ impl ModelFacts {
             drawn,
             undrawn: OnceLock::new(),
             patches: OnceLock::new(),
-            samples: OnceLock::new(),
+            bounds: OnceLock::new(),
+            even: Mutex::new(None),
         }
     }
 
@@ -151,11 +166,44 @@ impl ModelFacts {
         self.patches.get_or_init(made)
     }
 
-    /// What bounds the number of even samples; found at the first call.
+    /// What bounds the number of even splats; found at the first call.
     pub(crate) fn sample_bounds(&self, model: &Model) -> &SampleBounds {
         let position = |v: u32| model.vertices.get(v as usize).map(|v| v.position);
         let found = || SampleBounds::of(position, &model.triangles);
-        self.samples.get_or_init(found)
+        self.bounds.get_or_init(found)
+    }
+
+    /// Splats that lie evenly on a model; made unless they were those of the last call.
+    ///
+    /// # Errors
+    /// Too small a spacing, and [`SampleError::Cancelled`].
+    pub(crate) fn even_splats(
+        &self,
+        model: &Model,
+        choice: &SampleChoice,
+        crease: f64,
+        progress: &dyn Progress,
+    ) -> Result<Arc<[OrientedPolygon]>, SampleError> {
+        let mut even = self.even.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(last) = &*even
+            && (last.choice, last.crease) == (*choice, crease)
+        {
+            return last.made.clone();
+        }
+        let rules = self.sample_bounds(model).rules(choice, crease);
+        let made = rules.and_then(|rules| {
+            let positions: Vec<_> = model.vertices.iter().map(|v| v.position).collect();
+            let surface = WeldedSurface::new(&positions, &model.triangles);
+            samples_of(&surface, &looks_of(model), &rules, progress).map(Arc::from)
+        });
+        if made != Err(SampleError::Cancelled) {
+            *even = Some(EvenSplats {
+                choice: *choice,
+                crease,
+                made: made.clone(),
+            });
+        }
+        made
     }
 
     /// Whether they are there.

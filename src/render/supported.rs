@@ -4,6 +4,7 @@ use crate::cut::SizeMetric;
 use crate::gpu::Error;
 use crate::pack::splats::Plan;
 use crate::pack::{ColorBy, Footprint, ids};
+use crate::progress::Silent;
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::technique::Technique;
 use crate::render::{
@@ -135,7 +136,7 @@ fn check_vertex_splats(settings: &Settings) -> Result<(), Error> {
     })
 }
 
-/// Refuses by name even samples of models that would be too many.
+/// Makes the even splats of a frame unless they are there; refuses by name those that would be too many.
 pub(crate) fn check_samples_of(settings: &Settings, parts: DrawnParts<'_>) -> Result<(), Error> {
     let Some((rules, choice)) = settings
         .drawn_vertex_splats()
@@ -144,13 +145,11 @@ pub(crate) fn check_samples_of(settings: &Settings, parts: DrawnParts<'_>) -> Re
         return Ok(());
     };
     for part in parts.iter() {
-        let bounds = part.facts.sample_bounds(part.model);
-        if let Err(error) = bounds.rules(&choice, rules.crease()) {
-            return Err(Error::Unsupported {
-                what: "even splats (--resample)",
-                why: error.to_string(),
-            });
-        }
+        let made = (part.facts).even_splats(part.model, &choice, rules.crease(), &Silent);
+        made.map_err(|error| Error::Unsupported {
+            what: "even splats (--resample)",
+            why: error.to_string(),
+        })?;
     }
     Ok(())
 }

@@ -2,16 +2,12 @@
 
 use crate::abi::OrientedPolygon;
 use crate::math::camera::View;
-use crate::math::octahedral;
 use crate::oriented::levels::{LevelCut, SplatLevels};
-use crate::oriented::look::VertexLook;
-use crate::oriented::resample::samples_of;
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
+use crate::progress::Silent;
 use crate::render::model_facts::{DrawnParts, FactedModel};
-use crate::textures::TexturePoint;
-use crate::tree::Model;
-use glam::DVec3;
+use crate::render::vertex_looks::looks_of;
 
 /// The splats of all parts, and the triangles that are drawn beside them.
 #[derive(Debug, Default)]
@@ -66,51 +62,23 @@ impl VertexSplats {
 }
 
 /// Splats of a model and the triangles beside them.
-///
-/// # Panics
-/// Where even samples are too many: the plan of a frame has refused those.
 fn of_model(part: FactedModel<'_>, rules: &SplatRules) -> PartSplats {
     let model = part.model;
-    let positions: Vec<_> = model.vertices.iter().map(|v| v.position).collect();
-    let surface = WeldedSurface::new(&positions, &model.triangles);
-    let looks = looks_of(model);
     if let Some(choice) = &rules.samples {
-        let samples = (part
-            .facts
-            .sample_bounds(model)
-            .rules(choice, rules.crease()))
-        .and_then(|rules| samples_of(&surface, &looks, &rules));
-        let Ok(samples) = samples else {
-            unreachable!("the plan refuses samples that are too many")
-        };
+        // The plan of a frame has made them, or refused them.
+        let made = (part.facts).even_splats(model, choice, rules.crease(), &Silent);
         return PartSplats {
             set: SplatSet {
-                splats: samples,
+                splats: made.map(|splats| splats.to_vec()).unwrap_or_default(),
                 ..SplatSet::default()
             },
             levels: None,
         };
     }
+    let positions: Vec<_> = model.vertices.iter().map(|v| v.position).collect();
+    let surface = WeldedSurface::new(&positions, &model.triangles);
+    let looks = looks_of(model);
     let set = splats_of(&surface, &looks, rules);
     let levels = (rules.levels).map(|_| SplatLevels::new(&surface, &looks, &set));
     PartSplats { set, levels }
-}
-
-/// Looks of the vertices of a model.
-pub(crate) fn looks_of(model: &Model) -> Vec<VertexLook> {
-    let in_images = model.textures.as_ref().map(|textures| &textures.points[..]);
-    let has_image = |index: usize| {
-        let point = in_images.and_then(|points| points.get(index));
-        point.is_some_and(|point| *point != TexturePoint::NOWHERE)
-    };
-    (model.vertices.iter().enumerate())
-        .map(|(index, vertex)| VertexLook {
-            normal: match vertex.color[3] {
-                0 => DVec3::ZERO,
-                _ => octahedral::decode(vertex.normal).as_dvec3(),
-            },
-            color: vertex.color,
-            has_image: has_image(index),
-        })
-        .collect()
 }

@@ -16,7 +16,7 @@ use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
 use crate::progress::Progress;
 use crate::render::engine::{Backend, Engine};
-use crate::render::vertex_splats::looks_of;
+use crate::render::vertex_looks::looks_of;
 use crate::render::{Method, PictureOutputs, Settings};
 use crate::tree::Model;
 use std::time::Instant;

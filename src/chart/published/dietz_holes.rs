@@ -15,7 +15,7 @@ use crate::pack::{DrawList, Style};
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::reference::{PolygonList, render_with_polygons};
-use crate::render::vertex_splats::looks_of;
+use crate::render::vertex_looks::looks_of;
 use crate::tree::Model;
 use glam::DVec3;
 
