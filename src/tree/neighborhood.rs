@@ -161,7 +161,7 @@ mod tests {
         assert!(found.share == 1.0 && cos > 0.999, "{found:?} {cos}");
         assert!((found.normal.length() - 1.0).abs() < 1e-6);
         let corners =
-            (0..8).map(|i| Vec3::new((i & 1) as f32, (i / 2 & 1) as f32, (i / 4) as f32) - 0.5);
+            (0..8).map(|i| Vec3::new((i & 1) as f32, ((i / 2) & 1) as f32, (i / 4) as f32) - 0.5);
         assert_eq!(plane_of(corners).normal, Vec3::ZERO);
         let line = (1..12).map(|i| turn * Vec3::X * i as f32);
         assert_eq!(plane_of(line).normal, Vec3::ZERO);
