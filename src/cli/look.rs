@@ -351,6 +351,7 @@ impl LookArgs {
     }
 
     /// Tells whether a splat is named.
+    #[cfg(feature = "viewer")]
     pub(crate) fn names_splat(&self) -> bool {
         self.splat.is_some()
     }

@@ -31,6 +31,8 @@ use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Path, Settings};
 use crate::tree::Model;
 pub use smooth::smooth_threshold;
+// The resting picture of the window judges as a smooth picture does.
+#[cfg(feature = "viewer")]
 pub(crate) use smooth::{LEAST_SAMPLES, SMOOTH_DIFFERENCE};
 use std::sync::Arc;
 
