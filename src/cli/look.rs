@@ -218,7 +218,7 @@ pub(crate) struct LookArgs {
     /// 1 to 1.5 are drawn as 1, which is faster and more exact [default: 1, or the scene's]
     #[arg(long, short, value_name = "PIXELS")]
     threshold: Option<f32>,
-    /// What a splat looks like [default: square; on points in surfel render and the window disc]
+    /// What a splat looks like [default: square; on points in surfel render and the window ellipse]
     #[arg(long, value_enum)]
     splat: Option<SplatName>,
     #[command(flatten)]
@@ -343,10 +343,11 @@ impl LookArgs {
         }
     }
 
-    /// Takes discs, for points that a person looks at, where no splat is named: squares of several pixels are boxes.
-    pub(crate) fn default_discs(&mut self) {
+    /// Takes discs in the plane of the surface, for points that a person looks at, where no splat is named: squares of several pixels are
+    /// boxes, and discs that face the viewer are coins beyond the outline.
+    pub(crate) fn default_ellipses(&mut self) {
         if self.method == MethodName::Pop {
-            self.splat.get_or_insert(SplatName::Disc);
+            self.splat.get_or_insert(SplatName::Ellipse);
         }
     }
 

@@ -43,7 +43,7 @@ pub(crate) enum BackendChoice {
     Auto,
     /// The Vulkan device alone
     Vulkan,
-    /// The processor alone, without Vulkan: squares, discs and filtered splats, triangles
+    /// The processor alone, without Vulkan: squares, discs, ellipses and filtered splats, triangles
     Cpu,
     /// The reference on the processor, without Vulkan: exact and slow
     Reference,
@@ -458,7 +458,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     let is_surface = !ready.has_points();
     if !is_surface && args.scene.is_none() {
-        args.look.default_discs();
+        args.look.default_ellipses();
         settings = args.look.settings_to_choose()?;
     }
     let is_smooth = args.is_smooth(&settings);

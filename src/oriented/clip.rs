@@ -13,8 +13,8 @@
 //!    what the point answers for, a little wider.
 
 use crate::abi::OrientedPolygon;
-use crate::oriented::look::{VertexLook, take_look};
-use crate::oriented::radius::{RadiusRule, of_point, own_part, turned_to};
+use crate::oriented::look::{VertexLook, misfit, take_look};
+use crate::oriented::radius::{OwnPart, RadiusRule, of_point, part_of_face};
 use crate::oriented::surface::{NO_FACE, WeldedSurface};
 use crate::pack::polygons::{CUT_SLACK, HalfPlane, PlaneFrame, clipped};
 use glam::{DVec2, DVec3};
@@ -63,10 +63,36 @@ pub struct ClipRule {
 pub struct ClipScratch {
     clusters: Vec<FaceCluster>,
     order: Vec<u32>,
-    reached: Vec<u32>,
+    parts: Vec<OwnPart>,
+    reached: ReachedFaces,
     edges: Vec<HalfPlane>,
     kept: Vec<DVec2>,
     crossed: Vec<CrossedEdge>,
+}
+
+/// Faces that a walk has taken in, in their order.
+#[derive(Debug, Default)]
+pub(crate) struct ReachedFaces {
+    faces: Vec<u32>,
+    /// A bit for each, by its lowest digits: one that is missing is of no face here.
+    bits: [u64; 16],
+}
+
+impl ReachedFaces {
+    fn start(&mut self, faces: &[u32]) {
+        self.faces.clear();
+        self.bits = [0; 16];
+        faces.iter().for_each(|&face| self.push(face));
+    }
+
+    fn push(&mut self, face: u32) {
+        self.faces.push(face);
+        self.bits[face as usize / 64 % 16] |= 1 << (face % 64);
+    }
+
+    fn contains(&self, face: u32) -> bool {
+        self.bits[face as usize / 64 % 16] & (1 << (face % 64)) != 0 && self.faces.contains(&face)
+    }
 }
 
 #[derive(Debug, Default, Clone)]
@@ -173,6 +199,7 @@ fn splat_of_cluster(
 ) -> Option<OrientedPolygon> {
     let ClipScratch {
         clusters,
+        parts,
         reached,
         edges,
         kept,
@@ -181,13 +208,14 @@ fn splat_of_cluster(
     } = scratch;
     let FaceCluster { faces, sum } = &clusters[cluster];
     let frame = PlaneFrame::new(surface.points[point as usize], *sum)?;
-    let radius = of_point(surface, point, frame.normal, faces, rule.radius);
+    parts.clear();
+    parts.extend((faces.iter()).map(|&face| part_of_face(surface, face, point)));
+    let radius = of_point(surface, point, frame.normal, (faces, parts), rule.radius);
     kept.clear();
     kept.push(DVec2::ZERO);
     // How far the part lies from the plane.
     let mut lift = 0.0_f64;
-    for &face in faces {
-        let part = own_part(turned_to(surface, face, point));
+    for part in parts.iter() {
         // Each begins with the point; neighbors share the middles of their edges.
         for &corner in &part.corners()[1..] {
             lift = lift.max(frame.normal.dot(corner - frame.center).abs());
@@ -219,7 +247,8 @@ fn splat_of_cluster(
         .map(|&face| frame.normal.dot(surface.normals[face as usize])))
     .fold(1.0, f64::min);
     splat.spread = (1.0 - least * least).max(0.0).sqrt() as f32;
-    let misfit = take_look(&mut splat, surface, point, faces, looks);
+    take_look(&mut splat, surface, point, faces, looks);
+    let misfit = misfit(&splat, surface, point, (faces, parts), looks);
     let is_alike = misfit.turn <= rule.spread.sin().min(MOST_SHADE_TURN) + 1e-6
         && misfit.levels <= MOST_LEVELS;
     is_alike.then_some(splat)
@@ -235,20 +264,19 @@ pub(crate) fn walk(
     radius: f64,
     least_cosine: f64,
     faces: &[u32],
-    reached: &mut Vec<u32>,
+    reached: &mut ReachedFaces,
     edges: &mut Vec<HalfPlane>,
 ) -> Option<()> {
-    reached.clear();
-    reached.extend_from_slice(faces);
+    reached.start(faces);
     edges.clear();
     let mut next = 0;
-    while next < reached.len() {
-        let face = reached[next];
+    while next < reached.faces.len() {
+        let face = reached.faces[next];
         next += 1;
         let corners = surface.corners(face);
         for k in 0..3 {
             let [from, to] = [corners[k], corners[(k + 1) % 3]];
-            if distance_to_segment(frame.center, from, to) >= radius {
+            if squared_distance_to_segment(frame.center, from, to) >= radius * radius {
                 continue;
             }
             let other = surface.beyond[face as usize][k];
@@ -258,8 +286,8 @@ pub(crate) fn walk(
                 && (faces.contains(&other) || !surface.faces[other as usize].contains(&point));
             if !goes_on {
                 edges.extend(outside_of_edge(frame, from, to));
-            } else if !reached.contains(&other) {
-                if reached.len() == MOST_FACES {
+            } else if !reached.contains(other) {
+                if reached.faces.len() == MOST_FACES {
                     return None;
                 }
                 reached.push(other);
@@ -386,11 +414,11 @@ struct CrossedEdge {
     needed: f64,
 }
 
-fn distance_to_segment(point: DVec3, from: DVec3, to: DVec3) -> f64 {
+fn squared_distance_to_segment(point: DVec3, from: DVec3, to: DVec3) -> f64 {
     let side = to - from;
     let along = side.dot(point - from) / side.length_squared();
     let nearest = from + side * if along > 0.0 { along.min(1.0) } else { 0.0 };
-    point.distance(nearest)
+    point.distance_squared(nearest)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! a smooth surface has, a shape operator that turns it towards those of the neighbors: three numbers, by least squares.
 
 use crate::abi::OrientedPolygon;
-use crate::oriented::radius::{own_part, turned_to};
+use crate::oriented::radius::{OwnPart, corner_of};
 use crate::oriented::surface::WeldedSurface;
 use glam::{DMat3, DVec2, DVec3};
 
@@ -42,45 +42,47 @@ pub struct LookMisfit {
     pub levels: f64,
 }
 
+/// Normal and color of a face at its corner `k`.
+fn look_at(surface: &WeldedSurface, looks: &[VertexLook], face: u32, k: usize) -> (DVec3, [u8; 4]) {
+    let vertex = surface.vertices_of_face[face as usize][k];
+    let look = looks.get(vertex as usize).copied().unwrap_or_default();
+    let own = surface.normals[face as usize];
+    // Normals of a file may point to the other side; both are lit.
+    let normal = if look.normal == DVec3::ZERO {
+        own
+    } else if look.normal.dot(own) < 0.0 {
+        -look.normal
+    } else {
+        look.normal
+    };
+    (normal, look.color)
+}
+
 /// Gives a splat the mean color and normal that `faces` have at its point, and the shape operator that their other corners
-/// ask for, and tells how far it is from those. `looks` has one for each vertex of the mesh; faces of vertices without normals
-/// have their own.
+/// ask for. `looks` has one for each vertex of the mesh; faces of vertices without normals have their own.
 pub fn take_look(
     splat: &mut OrientedPolygon,
     surface: &WeldedSurface,
     point: u32,
     faces: &[u32],
     looks: &[VertexLook],
-) -> LookMisfit {
-    let look_at = |face: u32, k: usize| {
-        let vertex = surface.vertices_of_face[face as usize][k];
-        let look = looks.get(vertex as usize).copied().unwrap_or_default();
-        let own = surface.normals[face as usize];
-        // Normals of a file may point to the other side; both are lit.
-        let normal = if look.normal == DVec3::ZERO {
-            own
-        } else if look.normal.dot(own) < 0.0 {
-            -look.normal
-        } else {
-            look.normal
-        };
-        (normal, look.color)
-    };
+) {
+    let look_at = |face, k| look_at(surface, looks, face, k);
     let corners = |face: u32| (0..3).map(move |k| (k, surface.faces[face as usize][k]));
     let mut normal = DVec3::ZERO;
     let mut color = DVec3::ZERO;
     let mut weight = 0.0;
     for &face in faces {
         for (k, _) in corners(face).filter(|&(_, p)| p == point) {
-            let (own, [r, g, b, _]) = look_at(face, k);
+            let (own, own_color) = look_at(face, k);
             let area = surface.areas[face as usize];
             normal += own * area;
-            color += DVec3::new(r.into(), g.into(), b.into()) * area;
+            color += color_of(own_color) * area;
             weight += area;
         }
     }
     let Some(normal) = normal.try_normalize().filter(|_| weight > 0.0) else {
-        return LookMisfit::default();
+        return;
     };
     let [r, g, b] = (color / weight).round().as_u8vec3().to_array();
     splat.color = [r, g, b, 255];
@@ -121,32 +123,48 @@ pub fn take_look(
     if splat.footprint().iter().map(turn).fold(0.0, f64::max) <= MOST_TURN {
         splat.shape_operator = bend.as_vec3().to_array();
     }
+}
 
+/// How far a splat is from the look of the mesh at the corners of the `parts` of `faces` that it stands for.
+pub fn misfit(
+    splat: &OrientedPolygon,
+    surface: &WeldedSurface,
+    point: u32,
+    (faces, parts): (&[u32], &[OwnPart]),
+    looks: &[VertexLook],
+) -> LookMisfit {
+    let center = surface.points[point as usize];
+    let axes = [splat.axis, splat.second_axis()].map(|axis| axis.as_dvec3());
+    let mean = color_of(splat.color);
     let mut misfit = LookMisfit::default();
-    let mean = DVec3::new(r.into(), g.into(), b.into());
-    for &face in faces {
+    let mut least_cosine = 1.0_f64;
+    for (&face, part) in faces.iter().zip(parts) {
         let vertices = surface.vertices_of_face[face as usize];
         let has_image = |&v: &u32| looks.get(v as usize).is_some_and(|look| look.has_image);
         if vertices.iter().any(has_image) {
             misfit.levels = f64::INFINITY;
         }
-        let at = surface.corners(face);
-        let seen = [0, 1, 2].map(|k| look_at(face, k));
-        for &place in own_part(turned_to(surface, face, point)).corners() {
-            let weights = weights_at(at, place);
-            let mut normal = DVec3::ZERO;
-            let mut color = DVec3::ZERO;
-            for ((own, [r, g, b, _]), weight) in seen.iter().zip(weights) {
-                normal += weight * *own;
-                color += weight * DVec3::new((*r).into(), (*g).into(), (*b).into());
-            }
-            let uv = in_plane(place - center).as_vec2();
-            let shown = (splat.normal_at(uv.to_array()).as_dvec3()).normalize_or_zero();
-            misfit.turn = misfit.turn.max(shown.distance(normal.normalize_or_zero()));
-            misfit.levels = misfit.levels.max((color - mean).abs().max_element());
+        let first = corner_of(surface, face, point);
+        let seen = [0, 1, 2].map(|k| look_at(surface, looks, face, (first + k) % 3));
+        let [colors, normals] = [seen.map(|s| color_of(s.1)), seen.map(|s| s.0)];
+        for (&place, &weights) in part.corners().iter().zip(part.shares()) {
+            let mix = |[a, b, c]: [DVec3; 3]| weights[0] * a + weights[1] * b + weights[2] * c;
+            let offset = place - center;
+            let uv = axes.map(|axis| axis.dot(offset) as f32);
+            let (shown, normal) = (splat.normal_at(uv).as_dvec3(), mix(normals));
+            let lengths = shown.length_squared() * normal.length_squared();
+            least_cosine = least_cosine.min(shown.dot(normal) / lengths.sqrt().max(1e-300));
+            misfit.levels = (misfit.levels).max((mix(colors) - mean).abs().max_element());
         }
     }
+    // Distance of unit vectors.
+    misfit.turn = (2.0 - 2.0 * least_cosine).max(0.0).sqrt();
     misfit
+}
+
+/// Red, green and blue.
+fn color_of([r, g, b, _]: [u8; 4]) -> DVec3 {
+    DVec3::new(r.into(), g.into(), b.into())
 }
 
 /// Weights of the corners of a face at a place in it.

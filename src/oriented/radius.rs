@@ -27,79 +27,81 @@ pub enum RadiusRule {
 pub fn own_part([a, b, c]: [DVec3; 3]) -> OwnPart {
     let (to_b, to_c) = (b - a, c - a);
     let [b_b, b_c, c_c] = [to_b.dot(to_b), to_b.dot(to_c), to_c.dot(to_c)];
-    let point = |s: f64, t: f64| a + s * to_b + t * to_c;
     // The bisector of a and b is s b.b + t b.c = b.b / 2, that of a and c likewise.
     let determinant = b_b * c_c - b_c * b_c;
-    let mut part = OwnPart::of(&[a, point(0.5, 0.0)]);
-    let middle = (
+    let (s, t) = (
         c_c * (b_b - b_c) / (2.0 * determinant),
         b_b * (c_c - b_c) / (2.0 * determinant),
     );
-    let (s, t) = middle;
-    let is_inside = s >= 0.0 && t >= 0.0 && s + t <= 1.0;
-    if is_inside {
-        part.push(point(s, t));
+    let mut part = OwnPart::default();
+    let mut push = |s: f64, t: f64| {
+        part.corners[part.count] = a + s * to_b + t * to_c;
+        part.shares[part.count] = [1.0 - s - t, s, t];
+        part.count += 1;
+    };
+    push(0.0, 0.0);
+    if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
+        push(0.5, 0.0);
+        push(s, t);
+        push(0.0, 0.5);
     } else if s + t > 1.0 {
-        // The angle at a is obtuse: both bisectors reach the side opposite.
-        for (from, to) in [(b, c), (c, b)] {
-            let (side, to_near) = (to - from, from - a);
-            // On the side from `from`: as far from it as from a.
-            let along = to_near.length_squared() / (-2.0 * to_near.dot(side));
-            part.push(from + along.clamp(0.0, 1.0) * side);
-        }
+        // The angle at a is obtuse: both bisectors reach the side opposite, where x is as far from a as from b or c.
+        let side = to_c - to_b;
+        let along_from_b = (b_b / (-2.0 * to_b.dot(side))).clamp(0.0, 1.0);
+        let along_from_c = (c_c / (2.0 * to_c.dot(side))).clamp(0.0, 1.0);
+        push(0.5, 0.0);
+        push(1.0 - along_from_b, along_from_b);
+        push(along_from_c, 1.0 - along_from_c);
+        push(0.0, 0.5);
     } else if t < 0.0 {
         // Obtuse at c: the bisector of a and c leaves by the side a b, before the middle of that.
-        let along = c_c / (2.0 * b_c);
-        part = OwnPart::of(&[a, point(along.clamp(0.0, 0.5), 0.0)]);
+        push((c_c / (2.0 * b_c)).clamp(0.0, 0.5), 0.0);
+        push(0.0, 0.5);
     } else {
         // Obtuse at b.
-        let along = b_b / (2.0 * b_c);
-        part.push(point(0.0, along.clamp(0.0, 0.5)));
-        return part;
+        push(0.5, 0.0);
+        push(0.0, (b_b / (2.0 * b_c)).clamp(0.0, 0.5));
     }
-    part.push(point(0.0, 0.5));
     part
 }
 
 /// Up to five points.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct OwnPart {
     corners: [DVec3; 5],
+    shares: [[f64; 3]; 5],
     count: usize,
 }
 
 impl OwnPart {
-    fn of(points: &[DVec3]) -> Self {
-        let mut part = Self {
-            corners: [DVec3::ZERO; 5],
-            count: 0,
-        };
-        points.iter().for_each(|&p| part.push(p));
-        part
-    }
-
-    fn push(&mut self, point: DVec3) {
-        self.corners[self.count] = point;
-        self.count += 1;
-    }
-
     /// Its corners, the triangle's first.
     pub fn corners(&self) -> &[DVec3] {
         &self.corners[..self.count]
     }
+
+    /// Weights of the corners of the triangle at each of them.
+    pub fn shares(&self) -> &[[f64; 3]] {
+        &self.shares[..self.count]
+    }
 }
 
-/// Corners of a face, `point` first, in the face's order.
-pub fn turned_to(surface: &WeldedSurface, face: u32, point: u32) -> [DVec3; 3] {
-    let [a, b, c] = surface.corners(face);
+/// Which corner of a face a point is: 0, 1 or 2.
+pub fn corner_of(surface: &WeldedSurface, face: u32, point: u32) -> usize {
     let [p, q, _] = surface.faces[face as usize];
     if p == point {
-        [a, b, c]
+        0
     } else if q == point {
-        [b, c, a]
+        1
     } else {
-        [c, a, b]
+        2
     }
+}
+
+/// The part of a face that is nearest to a point of it.
+pub fn part_of_face(surface: &WeldedSurface, face: u32, point: u32) -> OwnPart {
+    let mut corners = surface.corners(face);
+    corners.rotate_left(corner_of(surface, face, point));
+    own_part(corners)
 }
 
 /// Distance of a point from its farthest neighbor; 0 without any.
@@ -110,7 +112,7 @@ pub fn farthest_neighbor(surface: &WeldedSurface, point: u32) -> f64 {
         .fold(0.0, |most: f64, corner| most.max(own.distance(corner)))
 }
 
-/// Radius of a splat at `point` with this normal that stands for `faces` around it; model units.
+/// Radius of a splat at `point` with this normal that stands for `faces` around it and their `parts`; model units.
 ///
 /// Where faces are tilted from the plane the radius of [`RadiusRule::Cover`] grows by 1 / cos of the angle, of at most 60
 /// degrees: seen along a face the splat reaches as far as on it.
@@ -118,7 +120,7 @@ pub fn of_point(
     surface: &WeldedSurface,
     point: u32,
     normal: DVec3,
-    faces: &[u32],
+    (faces, parts): (&[u32], &[OwnPart]),
     rule: RadiusRule,
 ) -> f64 {
     match rule {
@@ -126,15 +128,10 @@ pub fn of_point(
         RadiusRule::Dietz50 => 0.5 * farthest_neighbor(surface, point),
         RadiusRule::Cover => {
             let own = surface.points[point as usize];
-            let mut most = 0.0_f64;
-            let mut least_cosine = 1.0_f64;
-            for &face in faces {
-                for &corner in own_part(turned_to(surface, face, point)).corners() {
-                    most = most.max(own.distance(corner));
-                }
-                least_cosine = least_cosine.min(normal.dot(surface.normals[face as usize]));
-            }
-            most / least_cosine.max(0.5)
+            let corners = parts.iter().flat_map(OwnPart::corners);
+            let most = corners.fold(0.0, |most: f64, x| most.max(own.distance_squared(*x)));
+            let cosines = (faces.iter()).map(|&face| normal.dot(surface.normals[face as usize]));
+            most.sqrt() / cosines.fold(1.0, f64::min).max(0.5)
         }
     }
 }
@@ -173,9 +170,15 @@ mod tests {
                 "{sum} {whole}"
             );
             for turn in turns {
-                for &x in own_part(turn).corners() {
+                let part = own_part(turn);
+                for (&x, &[i, j, k]) in part.corners().iter().zip(part.shares()) {
                     let nearest = turn.map(|corner| corner.distance(x));
                     assert!(nearest[0] <= nearest[1].min(nearest[2]) + 1e-9);
+                    let mixed = i * turn[0] + j * turn[1] + k * turn[2];
+                    assert!(
+                        mixed.distance(x) < 1e-12 * (1.0 + x.length()),
+                        "{mixed} {x}"
+                    );
                 }
             }
         }
@@ -186,7 +189,8 @@ mod tests {
         let height = 3f32.sqrt() / 2.0;
         let positions = [Vec3::ZERO, Vec3::X, Vec3::new(0.5, height, 0.0)];
         let surface = WeldedSurface::new(&positions, &[[0, 1, 2]]);
-        let radius = |rule| of_point(&surface, 0, DVec3::Z, &[0], rule);
+        let parts = [part_of_face(&surface, 0, 0)];
+        let radius = |rule| of_point(&surface, 0, DVec3::Z, (&[0], &parts), rule);
         assert!((radius(RadiusRule::Cover) - 1.0 / 3f64.sqrt()).abs() < 1e-6);
         assert!((radius(RadiusRule::Dietz) - 0.65).abs() < 1e-6);
         assert!((radius(RadiusRule::Dietz50) - 0.5).abs() < 1e-6);
@@ -195,11 +199,11 @@ mod tests {
             &surface,
             0,
             DVec3::new(1.0, 0.0, 1.0).normalize(),
-            &[0],
+            (&[0], &parts),
             RadiusRule::Cover,
         );
         assert!((tilted - 2f64.sqrt() / 3f64.sqrt()).abs() < 1e-6);
-        let across = of_point(&surface, 0, DVec3::X, &[0], RadiusRule::Cover);
+        let across = of_point(&surface, 0, DVec3::X, (&[0], &parts), RadiusRule::Cover);
         assert!((across - 2.0 / 3f64.sqrt()).abs() < 1e-6);
     }
 }

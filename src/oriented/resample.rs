@@ -12,7 +12,7 @@
 //! face and are cut at sharp edges and borders that they reach.
 
 use crate::abi::OrientedPolygon;
-use crate::oriented::clip::walk;
+use crate::oriented::clip::{ReachedFaces, walk};
 use crate::oriented::look::{VertexLook, take_look_of_face};
 use crate::oriented::surface::{NO_FACE, WeldedSurface};
 use crate::pack::polygons::{MOST_CUTS, PlaneFrame};
@@ -301,7 +301,7 @@ impl PlacedSamples<'_> {
         };
         let radius = radius * (1.0 + RADIUS_MARGIN);
         let least = self.rules.crease.cos();
-        let (mut reached, mut edges) = (Vec::new(), Vec::new());
+        let (mut reached, mut edges) = (ReachedFaces::default(), Vec::new());
         // Too many faces within a spacing leave the edges that were found.
         let _is_whole = walk(
             surface,

@@ -4,7 +4,7 @@ use crate::abi::OrientedPolygon;
 use crate::oriented::angle_test::{self, FaceWeight};
 use crate::oriented::clip::{ClipRule, ClipScratch, SplatDrafts, splats_of_point};
 use crate::oriented::look::{VertexLook, take_look};
-use crate::oriented::radius::{RadiusRule, of_point};
+use crate::oriented::radius::{OwnPart, RadiusRule, of_point, part_of_face};
 use crate::oriented::resample::SampleChoice;
 use crate::oriented::surface::WeldedSurface;
 use crate::pack::polygons::PlaneFrame;
@@ -175,7 +175,10 @@ fn of_one(
     } else {
         surface.normals[faces[0] as usize]
     };
-    let radius = of_point(surface, point, normal, faces, rules.radius);
+    let parts: Vec<OwnPart> = (faces.iter())
+        .map(|&face| part_of_face(surface, face, point))
+        .collect();
+    let radius = of_point(surface, point, normal, (faces, &parts), rules.radius);
     let frame = PlaneFrame::new(surface.points[point as usize], normal);
     if let Some(frame) = frame
         && let Some(mut splat) = OrientedPolygon::disc(&frame, radius, &[], [255; 4])

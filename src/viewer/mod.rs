@@ -175,7 +175,7 @@ pub struct ViewerOptions {
     pub photos: PhotographOptions,
     /// A picture gets smoother while the view rests.
     pub smooths: bool,
-    /// Whether squares and discs follow from what is shown: discs on points, squares on surfaces.
+    /// Whether splats follow from what is shown until somebody chooses: discs in the plane of the surface on points, else squares.
     pub splat_by_model: bool,
     /// Files are opened again when they have changed.
     pub watches: bool,

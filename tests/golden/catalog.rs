@@ -132,7 +132,6 @@ const ONE_PASS: &str = "it needs ordered access to a pixel";
 
 // Reasons of the processor's renderer.
 const NO_POINTS: &str = "it draws no vertices as points";
-const NO_ELLIPSES: &str = "it draws no discs in the plane of the surface";
 const NOT_BLENDED: &str = "it blends filtered splats only";
 const NOT_VISIBILITY: &str = "it draws no visibility splats";
 const NO_CLASSES: &str = "only visibility splats have a classification";
@@ -180,7 +179,7 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
             .by_orbit(NEAR)
             .no_compute(TOO_LARGE),
         case("disc", Pop, Disc, 4.0),
-        case("ellipse", Pop, Ellipse, 4.0).no_host(NO_ELLIPSES),
+        case("ellipse", Pop, Ellipse, 4.0),
         case("gauss", Pop, Gauss, 4.0).no_host(NOT_BLENDED),
         with(case("gauss-deferred", Pop, Gauss, 4.0), &|s| {
             s.shading = Shading::Deferred;

@@ -1,4 +1,4 @@
-//! The fast renderer of the processor: opaque squares and discs, filtered splats and triangles, by vectors as wide as the
+//! The fast renderer of the processor: opaque squares, discs and ellipses, filtered splats and triangles, by vectors as wide as the
 //! processor has them.
 
 pub(crate) mod ambient_occlusion;

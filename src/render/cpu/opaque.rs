@@ -1,4 +1,4 @@
-//! Opaque squares and discs by the host, for software devices: what passes small.clear, small.splats and small.resolve, or of large ones the rasterizer,
+//! Opaque squares, discs and ellipses by the host, for software devices: what passes small.clear, small.splats and small.resolve, or of large ones the rasterizer,
 //! leave in the picture.
 //!
 //! A software device goes through the lanes of each write one by one and locks each pixel that it writes
@@ -13,6 +13,7 @@ mod bands;
 mod deferred_shading;
 mod framebuffer;
 mod headlight;
+mod ovals;
 mod splat_bounds;
 mod surface_pass;
 mod triangles;
@@ -30,6 +31,7 @@ pub use crate::render::cpu::opaque::viewport::Screen;
 use crate::abi::Splat;
 use crate::cut::{Cut, ZeroAreaSet};
 use crate::math::camera::View;
+use crate::pack::Footprint;
 use crate::pack::parallel;
 use crate::pack::splats;
 use crate::pack::splats::{Part, Plan, Writer};
@@ -41,8 +43,8 @@ use fearless_simd::Level;
 /// The shape of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Look {
-    /// Circles that face the viewer instead of squares.
-    pub are_discs: bool,
+    /// What they are on the picture.
+    pub footprint: Footprint,
     /// None has a radius of its own.
     pub has_one_size: bool,
 }
@@ -100,10 +102,8 @@ pub struct Splats<'a> {
     pub meshes: &'a [CutMesh<'a>],
     /// What is seen of them.
     pub view: &'a View,
-    /// How splats would be written.
+    /// How splats would be written: squares or circles, since discs in the plane of the surface have sizes of their own.
     pub plan: &'a Plan,
-    /// Circles that face the viewer instead of squares.
-    pub are_discs: bool,
     /// Most of them are seen, as what is hidden was left out: then they are shaded while they are looked at, and else
     /// what is seen once that is known.
     pub are_seen: bool,
@@ -135,11 +135,10 @@ fn draw_cut_by(
         meshes,
         view,
         plan,
-        are_discs,
         are_seen,
     } = splats;
     let look = Look {
-        are_discs,
+        footprint: plan.footprint,
         has_one_size: true,
     };
     let writers = meshes

@@ -36,7 +36,7 @@ use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::{CutAhead, FrameStage, KeptWork};
 use crate::render::technique::Technique;
-use crate::render::{Method, PictureOutputs, Settings, SplatKind};
+use crate::render::{Method, PictureOutputs, Settings};
 use crate::tree::Model;
 use bytemuck::Zeroable;
 use std::time::Instant;
@@ -341,13 +341,12 @@ impl CpuRenderer {
                 meshes: &cut_meshes,
                 view,
                 plan: &plan,
-                are_discs: settings.splat == SplatKind::Disc,
                 are_seen: self.chosen.is_some_and(|(_, choice)| choice.hides()),
             };
             opaque::draw_cut(own, splats, target, &mut self.places, picture);
         } else {
             let look = opaque::Look {
-                are_discs: settings.splat == SplatKind::Disc,
+                footprint: settings.footprint(),
                 has_one_size,
             };
             opaque::draw(splats, (look, 0), target, &mut self.places, picture);

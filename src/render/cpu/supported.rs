@@ -1,7 +1,7 @@
 //! What this renderer can draw.
 
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
-use crate::pack::{ColorBy, Footprint};
+use crate::pack::ColorBy;
 use crate::render::PictureOutputs;
 use crate::render::technique::Technique;
 use crate::render::{CutOn, Method, Settings};
@@ -28,11 +28,6 @@ pub fn unsupported_reason(
     } else {
         match Technique::of(settings) {
             Technique::Nothing => None,
-            Technique::Opaque | Technique::Polygons
-                if settings.footprint() == Footprint::Oriented =>
-            {
-                Some("it draws no discs in the plane of the surface; use --splat square or disc")
-            }
             Technique::Opaque | Technique::Polygons => None,
             Technique::Filtered if settings.threshold_px > LARGEST_SMALL_BLENDED_PX => {
                 Some("filtered splats of more than 16 pixels are a device's; use a lower threshold")

@@ -89,6 +89,8 @@ pub(super) struct ViewerApp {
     /// The lamp as it was left, on or off.
     lamp: Phong,
     pub(super) settings: Settings,
+    /// The splat that the program chose last.
+    splat_of_model: SplatKind,
     /// Settings that a frame was drawn with.
     good: Option<Settings>,
     control: Option<FrameBudget>,
@@ -199,6 +201,7 @@ impl ViewerApp {
                 Lighting::Phong(phong) => phong,
                 Lighting::Headlight | Lighting::Sphere(_) => Phong::default(),
             },
+            splat_of_model: options.settings.splat,
             settings: options.settings,
             good: None,
             control,
@@ -424,18 +427,16 @@ impl ViewerApp {
         }
     }
 
-    /// Takes discs on points and squares on surfaces, where nobody has said which.
+    /// Takes discs in the plane of the surface on points and squares on surfaces, where nobody has said which.
     fn take_splat(&mut self) {
-        let of_points = match self.settings.splat {
-            SplatKind::Square | SplatKind::Disc if self.options.splat_by_model => {
-                self.screen.has_points()
-            }
-            _ => return,
-        };
-        self.settings.splat = match of_points {
-            true => SplatKind::Disc,
+        if !self.options.splat_by_model || self.settings.splat != self.splat_of_model {
+            return;
+        }
+        self.splat_of_model = match self.screen.has_points() {
+            true => SplatKind::Ellipse,
             false => SplatKind::Square,
         };
+        self.settings.splat = self.splat_of_model;
     }
 
     /// Looks at the model that the screen has.

@@ -2,6 +2,7 @@
 
 use crate::render::cpu::opaque::Picture;
 use crate::render::cpu::opaque::bands::{Placed, SPLAT_BIT};
+use crate::render::cpu::opaque::ovals::OvalOutline;
 use crate::render::cpu::opaque::splat_bounds::{Found, GROUP, Numbers, Round, both};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, i32x4, mask32x4};
@@ -90,6 +91,8 @@ impl Band<'_> {
             };
             if list.are_samples {
                 self.samples(pixels);
+            } else if !list.ovals.is_empty() {
+                self.ovals(simd, pixels, &list.ovals[range]);
             } else if list.rounds.is_empty() {
                 self.squares(simd, pixels);
             } else {
@@ -207,6 +210,48 @@ impl Band<'_> {
                     at += STEP;
                     x += STEP as f32;
                     rest = rest.saturating_sub(STEP);
+                }
+            }
+        }
+    }
+
+    /// Discs in the plane of the surface.
+    #[inline(always)]
+    fn ovals<S: Simd>(&mut self, simd: S, pixels: Found<'_>, ovals: &[OvalOutline]) {
+        let [first_row, end_row] = self.rows;
+        let step = Numbers::<S>::LEN;
+        let lanes = Numbers::<S>::from_slice(simd, &LANE[..step]);
+        let own = pixels.first.iter().zip(pixels.end).zip(pixels.depth);
+        for ((((&first, &end), &depth), oval), &shown) in own.zip(ovals).zip(pixels.shown) {
+            let ([left, top], [right, bottom]) = (both(first), both(end));
+            let depth = Numbers::<S>::splat(simd, depth);
+            let shown = S::i32s::splat(simd, shown);
+            let OvalOutline {
+                form: [xx, xy, yy],
+                skew,
+                to_first,
+            } = *oval;
+            let width = Numbers::<S>::splat(simd, (right.max(left) - left) as f32);
+            for y in top.max(first_row)..bottom.min(end_row) {
+                let from_y = to_first[1] + (y - top) as f32;
+                let (of_y, along_y) = (yy * from_y * from_y, 1.0 + skew[1] * from_y);
+                let xy = xy * from_y;
+                let mut at = (y - first_row) * self.stride + left;
+                let mut x = lanes;
+                for _ in (left..right).step_by(step) {
+                    let fronts = &mut self.depth[at..at + step];
+                    let all_shown = &mut self.shown[at..at + step];
+                    let front = Numbers::<S>::from_slice(simd, fronts);
+                    let nearest = S::i32s::from_slice(simd, all_shown);
+                    let from_x = x + to_first[0];
+                    let squared = (from_x * xx + xy) * from_x + of_y;
+                    let along = from_x * skew[0] + along_y;
+                    let is_in = squared.simd_le(along * along) & along.simd_gt(0.0);
+                    let is_nearer = x.simd_lt(width) & is_in & depth.simd_gt(front);
+                    is_nearer.select(depth, front).store_slice(fronts);
+                    is_nearer.select(shown, nearest).store_slice(all_shown);
+                    at += step;
+                    x += step as f32;
                 }
             }
         }

@@ -1,8 +1,10 @@
 //! Where splats are is found part by part; then the picture is drawn band by band.
 
 use crate::abi::Splat;
+use crate::pack::Footprint;
 use crate::pack::parallel;
 use crate::render::cpu::opaque::band_raster::Fronts;
+use crate::render::cpu::opaque::ovals::OvalOutline;
 use crate::render::cpu::opaque::splat_bounds;
 use crate::render::cpu::opaque::splat_bounds::{Finding, Found, GROUP, Group, Pixels, Round};
 use crate::render::cpu::opaque::{Frame, Look, Picture, Source};
@@ -20,6 +22,7 @@ pub(super) const SPLAT_BIT: u32 = 1 << 31;
 pub struct Places {
     pub(super) pixels: Pixels,
     rounds: Vec<Round>,
+    ovals: Vec<OvalOutline>,
     groups: Vec<Group>,
     pub(super) seen: Vec<AtomicU8>,
     bands: Vec<Fronts>,
@@ -30,8 +33,10 @@ pub(super) struct Placed<'a> {
     /// Number of the first in the list.
     pub(super) first: u32,
     pub(super) pixels: Found<'a>,
-    /// Of discs, else empty.
+    /// Of discs that face the viewer, else empty.
     pub(super) rounds: &'a [Round],
+    /// Of discs in the plane of the surface, else empty.
+    pub(super) ovals: &'a [OvalOutline],
     pub(super) groups: &'a [Group],
     /// All are squares of a pixel.
     pub(super) are_samples: bool,
@@ -79,11 +84,17 @@ pub(super) fn draw_by(
     places
         .groups
         .resize(group_count.max(places.groups.len()), Group::default());
-    if look.are_discs {
-        places
-            .rounds
-            .resize(own_count.max(places.rounds.len()), Round::default());
-    }
+    let [round_count, oval_count] =
+        [Footprint::Circle, Footprint::Oriented].map(|own| match look.footprint == own {
+            true => own_count,
+            false => 0,
+        });
+    places
+        .rounds
+        .resize(round_count.max(places.rounds.len()), Round::default());
+    places
+        .ovals
+        .resize(oval_count.max(places.ovals.len()), OvalOutline::default());
     places
         .seen
         .resize_with(own_count.max(places.seen.len()), AtomicU8::default);
@@ -92,32 +103,32 @@ pub(super) fn draw_by(
     }
     let (mut own_pixels, mut sampled_pixels) = (pixels.split(own_count), pixels);
     let (own_group, sampled_group) = places.groups[..group_count].split_at_mut(own_groups);
-    let own_rounds = match look.are_discs {
-        true => &mut places.rounds[..own_count],
-        false => &mut [],
-    };
-    let is_one_pixel = !look.are_discs && look.has_one_size && screen.size_px <= 1.0;
+    let own_rounds = &mut places.rounds[..round_count];
+    let own_ovals = &mut places.ovals[..oval_count];
+    let is_one_pixel =
+        look.footprint == Footprint::Square && look.has_one_size && screen.size_px <= 1.0;
     let of_samples = Look {
-        are_discs: false,
+        footprint: Footprint::Square,
         has_one_size: true,
     };
     place_all(
         level,
         (screen, light),
         (own, look, is_one_pixel),
-        (&mut own_pixels, own_rounds, own_group),
+        (&mut own_pixels, (own_rounds, own_ovals), own_group),
     );
     place_all(
         level,
         (screen, light),
         (sampled, of_samples, true),
-        (&mut sampled_pixels, &mut [], sampled_group),
+        (&mut sampled_pixels, (&mut [], &mut []), sampled_group),
     );
     let lists = [
         Placed {
             first: 0,
             pixels: own_pixels.found(),
             rounds: own_rounds,
+            ovals: own_ovals,
             groups: own_group,
             are_samples: is_one_pixel,
         },
@@ -125,6 +136,7 @@ pub(super) fn draw_by(
             first: own_count as u32,
             pixels: sampled_pixels.found(),
             rounds: &[],
+            ovals: &[],
             groups: sampled_group,
             are_samples: true,
         },
@@ -175,25 +187,33 @@ fn mark(picture: &Picture<'_>, width: usize, seen: &[AtomicU8]) {
     }
 }
 
+/// What is round of splats: of circles, and of discs in the plane of the surface. Empty for others.
+pub(super) type Outlines<'a> = (&'a mut [Round], &'a mut [OvalOutline]);
+
+/// The first so many of a list, and the others.
+fn first_of<'a, T>(count: usize, list: &mut &'a mut [T]) -> (&'a mut [T], &'a mut [T]) {
+    std::mem::take(list).split_at_mut(count)
+}
+
 /// Finds where splats are, part by part.
 fn place_all(
     level: Level,
     frame: Frame<'_>,
     (parts, look, is_one_pixel): (Vec<(Source<'_>, usize)>, Look, bool),
-    (pixels, mut rounds, mut groups): (&mut Finding<'_>, &mut [Round], &mut [Group]),
+    (pixels, (mut rounds, mut ovals), mut groups): (&mut Finding<'_>, Outlines<'_>, &mut [Group]),
 ) {
     let mut rest = pixels.again();
     let mut count = 0;
     let jobs: Vec<_> = parts
         .into_iter()
         .map(|(source, size)| {
-            let (round, group);
-            let rounded = if look.are_discs { size } else { 0 };
-            (round, rounds) = std::mem::take(&mut rounds).split_at_mut(rounded);
+            let (round, oval, group);
+            (round, rounds) = first_of(rounds.len().min(size), &mut rounds);
+            (oval, ovals) = first_of(ovals.len().min(size), &mut ovals);
             (group, groups) = std::mem::take(&mut groups).split_at_mut(size.div_ceil(GROUP));
             let first = count as u32;
             count += size;
-            (source, first, (rest.split(size), round, group))
+            (source, first, (rest.split(size), (round, oval), group))
         })
         .collect();
     parallel::share(count, jobs.into_iter(), |(source, first, out)| {

@@ -2,8 +2,11 @@
 
 use crate::abi::Splat;
 use crate::cut::strip_center_of;
+use crate::pack::Footprint;
 use crate::pack::splats::{Named, Out, Part};
+use crate::render::cpu::opaque::bands::Outlines;
 use crate::render::cpu::opaque::headlight::{Light, Surfaces};
+use crate::render::cpu::opaque::ovals::{OvalOutline, placed};
 use crate::render::cpu::opaque::{Look, Screen, Source};
 use crate::tree::{Leaf, Node};
 use fearless_simd::prelude::*;
@@ -19,7 +22,7 @@ pub(super) const GROUP: usize = 16;
 pub(super) const BLOCK: usize = 64;
 
 /// A circle of a smaller diameter is the square around it, see `shaders/common/form.glsl`.
-const LEAST_ROUND_PX: f32 = std::f32::consts::SQRT_2;
+pub(super) const LEAST_ROUND_PX: f32 = std::f32::consts::SQRT_2;
 
 /// Pixels of splats, counted from the corner of the rectangle: numbers of one kind in a list each. Words of two numbers have x in their
 /// lower half. What has no pixels ends before it begins.
@@ -169,6 +172,7 @@ struct Answers {
     depth: Row,
     form: Row,
     to_first: [Row; 2],
+    ovals: [OvalOutline; BLOCK],
     colors: [i32; BLOCK],
 }
 
@@ -207,6 +211,7 @@ pub(super) fn part(
             depth: [0.0; BLOCK],
             form: [0.0; BLOCK],
             to_first: [[0.0; BLOCK]; 2],
+            ovals: [OvalOutline::default(); BLOCK],
             colors: [0; BLOCK],
         },
     };
@@ -218,7 +223,7 @@ pub(super) fn part(
         }
         Source::Places(splats) => {
             for splat in splats {
-                placer.push(splat.center, splat.radius);
+                placer.place(splat);
             }
         }
         Source::Surface(writer, part) => {
@@ -265,8 +270,8 @@ pub(super) fn part(
     placer.flush();
 }
 
-/// Where pixels, of discs what is round, and groups go.
-pub(super) type Places<'a> = (Finding<'a>, &'a mut [Round], &'a mut [Group]);
+/// Where pixels, what is round, and groups go.
+pub(super) type Places<'a> = (Finding<'a>, Outlines<'a>, &'a mut [Group]);
 
 /// Finds where splats are, block by block.
 struct Placer<'a> {
@@ -305,7 +310,27 @@ impl Placer<'_> {
     #[inline(always)]
     fn put(&mut self, splat: &Splat) {
         self.surfaces.put(self.len % BLOCK, splat);
+        self.place(splat);
+    }
+
+    /// A splat, whatever it looks like.
+    #[inline(always)]
+    fn place(&mut self, splat: &Splat) {
+        if self.look.footprint == Footprint::Oriented {
+            self.place_oval(splat);
+        }
         self.push(splat.center, splat.radius);
+    }
+
+    /// Finds the pixels of a disc in the plane of the surface.
+    fn place_oval(&mut self, splat: &Splat) {
+        let (answers, at) = (&mut self.answers, self.len % BLOCK);
+        let word = |[x, y]: [u16; 2]| i32::from(x) | (i32::from(y) << 16);
+        let found = placed(self.screen, splat);
+        answers.first[at] = found.map_or(-1, |found| word(found.first));
+        answers.end[at] = found.map_or(0, |found| word(found.end));
+        answers.depth[at] = found.map_or(0.0, |found| found.depth);
+        answers.ovals[at] = found.map_or(OvalOutline::default(), |found| found.oval);
     }
 
     /// Whether all are there.
@@ -352,7 +377,9 @@ impl Placer<'_> {
                 let (centers, colors) = (&self.block.center, &mut answers.colors);
                 self.surfaces.shade(simd, light, centers, at, colors);
             }
-            if self.is_one_pixel {
+            if look.footprint == Footprint::Oriented {
+                // They are placed already, one by one.
+            } else if self.is_one_pixel {
                 find::<S, true>(simd, screen, *look, (&self.block, answers), at);
             } else {
                 find::<S, false>(simd, screen, *look, (&self.block, answers), at);
@@ -363,7 +390,7 @@ impl Placer<'_> {
     /// What was found of the block goes to its places.
     fn store(&mut self) {
         let Self { look, answers, .. } = self;
-        let (mut pixels, rounds, groups) = std::mem::take(&mut self.places);
+        let (mut pixels, (rounds, ovals), groups) = std::mem::take(&mut self.places);
         let own = pixels.split(self.len);
         own.first.copy_from_slice(&answers.first[..self.len]);
         own.end.copy_from_slice(&answers.end[..self.len]);
@@ -371,14 +398,21 @@ impl Placer<'_> {
         if self.light.is_some() {
             own.colors.copy_from_slice(&answers.colors[..self.len]);
         }
-        let count = if look.are_discs { self.len } else { 0 };
-        let (rounds, rest_of_rounds) = rounds.split_at_mut(count);
+        let (rounds, rest_of_rounds) = rounds.split_at_mut(match look.footprint {
+            Footprint::Circle => self.len,
+            _ => 0,
+        });
         for (i, round) in rounds.iter_mut().enumerate() {
             *round = Round {
                 form: answers.form[i],
                 to_first: [answers.to_first[0][i], answers.to_first[1][i]],
             };
         }
+        let (own_ovals, rest_of_ovals) = ovals.split_at_mut(match look.footprint {
+            Footprint::Oriented => self.len,
+            _ => 0,
+        });
+        own_ovals.copy_from_slice(&answers.ovals[..own_ovals.len()]);
         let (groups, rest_of_groups) = groups.split_at_mut(self.len.div_ceil(GROUP));
         let firsts = own.first.chunks(GROUP);
         let ends = own.end.chunks(GROUP);
@@ -393,7 +427,7 @@ impl Placer<'_> {
                 rows: [low, high].map(|v| (v >> 16) as u16),
             };
         }
-        self.places = (pixels, rest_of_rounds, rest_of_groups);
+        self.places = (pixels, (rest_of_rounds, rest_of_ovals), rest_of_groups);
         self.first += self.len as u32;
         self.len = 0;
     }
@@ -475,7 +509,7 @@ fn find<S: Simd, const ONE: bool>(
             .min(whole(high))
             .to_float::<Numbers<S>>();
         ends[i] = [first, end];
-        if look.are_discs {
+        if look.footprint == Footprint::Circle {
             let clamped = |v: Numbers<S>| v.max(number(low)).min(number(high));
             let reach = side * 0.5;
             let first_round = clamped((window - reach - 0.5).ceil());
@@ -488,7 +522,7 @@ fn find<S: Simd, const ONE: bool>(
             to_first.store_slice(&mut found.to_first[i][lanes.clone()]);
         }
     }
-    if look.are_discs {
+    if look.footprint == Footprint::Circle {
         let form = round_side.select(form, zero);
         form.store_slice(&mut found.form[lanes.clone()]);
     }

@@ -35,6 +35,7 @@ fn screen(size_px: f32) -> Screen {
         clip_from_view: clip.to_cols_array_2d(),
         window_from_model: (window * clip * view).to_cols_array_2d(),
         model_scale: 1.0,
+        ray_scale: [2.0 / (2.4 * width), -2.0 / (2.4 * width)],
         focal_px: 1.2 * width,
         splat_size_px: size_px,
         ..FrameConstants::zeroed()
@@ -62,7 +63,8 @@ fn expected(splats: &[Splat], (look, samples): (Look, usize), screen: &Screen) -
             false => 0.5 * screen.size_px,
         };
         let side = if is_sample { 1.0 } else { 2.0 * half };
-        let is_round = look.are_discs && !is_sample && side >= std::f32::consts::SQRT_2;
+        let is_round =
+            look.footprint == Footprint::Circle && !is_sample && side >= std::f32::consts::SQRT_2;
         let form = 4.0 / (side * side);
         // A pixel belongs to the square that contains its center, in steps of 1/256 pixel.
         let steps = (256.0 * side.max(1.0)).round_ties_even() as i64;
@@ -193,11 +195,14 @@ fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
     {
         for (count, samples) in [(0, 0), (1, 0), (1, 1), (900, 0), (20_000, 7_001)] {
             let splats = crowd(count, largest, 5 + seed as u64);
-            for (are_discs, has_one_size) in
-                [(false, true), (false, false), (true, true), (true, false)]
-            {
+            for (footprint, has_one_size) in [
+                (Footprint::Square, true),
+                (Footprint::Square, false),
+                (Footprint::Circle, true),
+                (Footprint::Circle, false),
+            ] {
                 let look = Look {
-                    are_discs,
+                    footprint,
                     has_one_size,
                 };
                 let screen = screen(size_px);
@@ -316,16 +321,13 @@ fn a_cut_is_drawn_as_its_list() {
         for (sum, count) in numbers.iter_mut().zip(lists) {
             *sum += count;
         }
-        for (are_discs, is_two_sided, has_colors) in [
-            (false, true, true),
-            (true, false, true),
-            (true, true, false),
+        for (footprint, is_two_sided, has_colors) in [
+            (Footprint::Square, true, true),
+            (Footprint::Circle, false, true),
+            (Footprint::Circle, true, false),
         ] {
             let plan = Plan {
-                footprint: match are_discs {
-                    true => Footprint::Circle,
-                    false => Footprint::Square,
-                },
+                footprint,
                 threshold_px,
                 size: settings.size,
                 draws_large_leaves: false,
@@ -354,7 +356,7 @@ fn a_cut_is_drawn_as_its_list() {
             let own = list.split_at(packed.points);
             let parts = vec![(Source::List(own.0), packed.points)];
             let look = Look {
-                are_discs,
+                footprint,
                 has_one_size: true,
             };
             let frame = (&screen, &light);
@@ -376,7 +378,6 @@ fn a_cut_is_drawn_as_its_list() {
                     }],
                     view: &view,
                     plan: &plan,
-                    are_discs,
                     are_seen,
                 };
                 let mut first = None;
@@ -409,6 +410,81 @@ fn a_cut_is_drawn_as_its_list() {
         }
     }
     assert!(numbers.iter().all(|&n| n > 100), "{numbers:?}");
+}
+
+/// How much of a disc in the plane of the surface lies where the ray of a pixel meets it: the square of the distance from its
+/// middle, in radii; infinite where it does not. By its definition, in double precision; the eye is at (0, -0.1, 3).
+fn rho_squared(splat: &Splat, [x, y]: [u32; 2], [width, height]: [f64; 2]) -> f64 {
+    let center = splat.center.as_dvec3() + DVec3::new(0.0, 0.1, -3.0);
+    let to_eye = -center.normalize();
+    let normal = octahedral::decode(splat.normal).as_dvec3().normalize();
+    let facing = normal.dot(to_eye);
+    let across = (normal - facing * to_eye) * facing.signum();
+    let thickness = f64::from(255 - splat.color[3]) / 254.0;
+    let ratio = (facing.abs() + thickness * across.length()).clamp(0.1, 1.0);
+    let tilted = ratio * to_eye + (1.0 - ratio * ratio).sqrt() * across.normalize();
+    let at = [
+        f64::from(x) + 0.5 - 0.5 * width,
+        0.5 * height - f64::from(y) - 0.5,
+    ];
+    let ray = DVec3::new(at[0], at[1], -1.2 * width);
+    let along = tilted.dot(center) / tilted.dot(ray);
+    match along > 0.0 {
+        true => (along * ray).distance_squared(center) / f64::from(splat.radius).powi(2),
+        false => f64::INFINITY,
+    }
+}
+
+#[test]
+fn ovals_cover_what_rays_meet() {
+    let (screen, light) = (screen(1.0), light(true, true));
+    let [left, top, right, bottom] = RECT;
+    let size = SIZE.map(f64::from);
+    let mut next = random(11);
+    let (mut places, mut covered, mut cut_off) = (Places::default(), 0, 0);
+    for number in 0..600 {
+        let mut splat = crowd(2, 1.0, number)[1];
+        splat.normal = octahedral::encode(Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5));
+        splat.radius = 0.02 + 0.3 * next().powi(2);
+        splat.color[3] = if next() < 0.5 { 255 } else { 120 };
+        // What reaches the near plane is a circle; what is smaller than a pixel and a half a square.
+        let distance = 3.0 - splat.center.z;
+        if distance - splat.radius <= 0.5 || splat.radius * 0.1 * screen.focal_px < distance {
+            continue;
+        }
+        for level in levels() {
+            let mut planes = Planes::of(&screen);
+            let look = Look {
+                footprint: Footprint::Oriented,
+                has_one_size: false,
+            };
+            let parts = vec![(Source::List(std::slice::from_ref(&splat)), 1)];
+            let out = (&mut places, planes.picture());
+            draw_by(
+                level,
+                (parts, look, &[]),
+                (&screen, &light),
+                Known::Colors,
+                out,
+            );
+            let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| [x, y]));
+            for (key, pixel) in planes.keys().into_iter().zip(pixels) {
+                let rho_squared = rho_squared(&splat, pixel, size);
+                // Single precision decides at the rim.
+                if (rho_squared - 1.0).abs() > 2e-3 {
+                    assert_eq!(
+                        key != 0,
+                        rho_squared < 1.0,
+                        "{splat:?} {pixel:?} {rho_squared}"
+                    );
+                    covered += usize::from(key != 0);
+                    let is_at_side = pixel[0] == left || pixel[1] == top;
+                    cut_off += usize::from(key != 0 && is_at_side);
+                }
+            }
+        }
+    }
+    assert!(covered > 20_000 && cut_off > 100, "{covered} {cut_off}");
 }
 
 #[test]

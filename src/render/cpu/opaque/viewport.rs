@@ -1,6 +1,7 @@
 //! Where the device draws.
 
 use crate::abi::FrameConstants;
+use crate::render::cpu::opaque::ovals::OvalScreen;
 
 /// Where the device draws splats.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +20,8 @@ pub struct Screen {
     pub(super) size_px: f32,
     /// The part of the picture that is drawn in: left, top, and one past right and bottom, pixels.
     pub(super) rect_px: [u32; 4],
+    /// For discs in the plane of the surface.
+    pub(super) ovals: OvalScreen,
 }
 
 impl Screen {
@@ -38,6 +41,7 @@ impl Screen {
             focal_px: frame.focal_px,
             size_px: frame.splat_size_px,
             rect_px,
+            ovals: OvalScreen::new(frame),
         })
     }
 

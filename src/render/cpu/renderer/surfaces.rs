@@ -8,7 +8,7 @@ use crate::render::cpu::opaque::Picture;
 use crate::render::cpu::picture::PixelWords;
 use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
 use crate::render::pack_params::splat_plan;
-use crate::render::{Method, Settings, SplatKind};
+use crate::render::{Method, Settings};
 
 impl CpuRenderer {
     /// Whether an opaque picture holds more than colors of eight bits in the headlight.
@@ -53,7 +53,7 @@ impl CpuRenderer {
             meshes: frame.meshes,
             splats: &self.splats[..written],
             look: opaque::Look {
-                are_discs: settings.splat == SplatKind::Disc,
+                footprint: settings.footprint(),
                 has_one_size,
             },
             samples: &self.splats[written..written + samples],
