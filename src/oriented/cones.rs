@@ -10,6 +10,7 @@
 
 use crate::oriented::angle_test::{FaceWeight, normal_of};
 use crate::oriented::surface::WeldedSurface;
+use crate::progress::Progress;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -133,6 +134,8 @@ pub struct ConeTree<'s> {
     nodes: Vec<ConeNode>,
     /// Number of trees: the first nodes have none above them.
     roots: usize,
+    /// A distance from planes that rounding may be, model units.
+    rounding: f64,
 }
 
 #[derive(Debug)]
@@ -161,6 +164,7 @@ impl<'s> ConeTree<'s> {
             })
             .collect();
         Self {
+            rounding: 1e-9 * surface.diagonal(),
             surface,
             nodes,
             roots: 1,
@@ -172,6 +176,7 @@ impl<'s> ConeTree<'s> {
         let points = 0..surface.points.len() as u32;
         let nodes: Vec<ConeNode> = points.map(|point| vertex_node(surface, point)).collect();
         Self {
+            rounding: 1e-9 * surface.diagonal(),
             surface,
             roots: nodes.len(),
             nodes,
@@ -182,6 +187,7 @@ impl<'s> ConeTree<'s> {
     /// normal.
     pub fn of_vertex(surface: &'s WeldedSurface, point: u32) -> Self {
         Self {
+            rounding: 1e-9 * surface.diagonal(),
             surface,
             roots: 1,
             nodes: vec![vertex_node(surface, point)],
@@ -209,13 +215,16 @@ impl<'s> ConeTree<'s> {
     /// Whether a face shows its front to an eye, by more than rounding.
     pub fn is_seen(&self, face: u32, eye: DVec3) -> bool {
         let from_face = eye - self.surface.corners(face)[0];
-        let least = 1e-9 * self.surface.diagonal();
-        self.surface.normals[face as usize].dot(from_face) > least
+        self.surface.normals[face as usize].dot(from_face) > self.rounding
     }
 
-    /// Counts faces from [`CULL_EYES`] eyes around and within the surface. Takes time in proportion to eyes times faces.
-    pub fn count(&self) -> CullCount {
+    /// Counts faces from [`CULL_EYES`] eyes around and within the surface. Takes time in proportion to eyes times faces. Once
+    /// `progress` is cancelled the eyes that are left count as nothing.
+    pub fn count(&self, progress: &dyn Progress) -> CullCount {
         let of_eye = |k: u32| {
+            if progress.is_cancelled() {
+                return [0; 2];
+            }
             let eye = cull_eye(self.surface, k);
             let culled = self.culled(eye);
             [
@@ -295,6 +304,7 @@ mod tests {
     use super::*;
     use crate::mesh::Mesh;
     use crate::oriented::shapes::{cube, grid, l_shape};
+    use crate::progress::Silent;
     use glam::Vec3;
 
     fn torus() -> Mesh {
@@ -313,7 +323,7 @@ mod tests {
 
     fn culls(mesh: &Mesh, rule: ConeRule) -> [usize; 2] {
         let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
-        let CullCount { wrong, culled } = ConeTree::of_faces(&surface, rule).count();
+        let CullCount { wrong, culled } = ConeTree::of_faces(&surface, rule).count(&Silent);
         [wrong, culled]
     }
 
@@ -414,8 +424,11 @@ mod tests {
         );
         let none = WeldedSurface::default();
         let tree = ConeTree::of_faces(&none, ConeRule::Corrected);
-        assert_eq!(tree.count(), CullCount::default());
-        assert_eq!(ConeTree::of_vertices(&none).count(), CullCount::default());
+        assert_eq!(tree.count(&Silent), CullCount::default());
+        assert_eq!(
+            ConeTree::of_vertices(&none).count(&Silent),
+            CullCount::default()
+        );
     }
 
     #[test]

@@ -154,6 +154,7 @@ fn surface_figures(
     looks: &[VertexLook],
     model: &Model,
     way: &EdgeWay,
+    progress: &dyn Progress,
 ) -> SurfaceFigures {
     if way.rules.samples.is_some() {
         return SurfaceFigures {
@@ -178,7 +179,7 @@ fn surface_figures(
         fastest = fastest.min(spent);
         set = made;
     }
-    let far = overhang(surface, &set);
+    let far = overhang(surface, &set, progress);
     SurfaceFigures {
         us_a_vertex: fastest / surface.points.len().max(1) as f64,
         overhang: format!("{:.4}", 100.0 * far.most / surface.diagonal()),
@@ -280,7 +281,7 @@ fn edge_table(
             return Err(Error::Cancelled);
         }
         let way = i.checked_sub(1).map(|i| &ways[i]);
-        let figures = way.map(|way| surface_figures(surface, &looks, model, way));
+        let figures = way.map(|way| surface_figures(surface, &looks, model, way, progress));
         let of = |pick: fn(&SurfaceFigures) -> String| figures.as_ref().map_or("-".into(), pick);
         let next = ways.get(i).filter(|next| next.rules.is_uncut);
         let is_cut = way.is_some_and(|way| way.line == 3);
@@ -403,13 +404,16 @@ fn cone_table(
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
-        let found = tree.count();
+        let found = tree.count(progress);
         table.row(vec![
             name.into(),
             count(found.culled as u64),
             count(found.wrong as u64),
             remark.into(),
         ]);
+    }
+    if progress.is_cancelled() {
+        return Err(Error::Cancelled);
     }
     Ok(table)
 }
