@@ -79,8 +79,8 @@ impl SplatSet {
     }
 }
 
-/// Points that one task takes.
-const PIECE: usize = 512;
+/// Points that one task takes: small models have a few hundred, and all threads shall have some.
+const PIECE: usize = 64;
 
 /// The splats of a surface; `looks` has one for each vertex of its mesh, or none. Points without faces have no splats.
 pub fn splats_of(surface: &WeldedSurface, looks: &[VertexLook], rules: &SplatRules) -> SplatSet {
