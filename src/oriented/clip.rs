@@ -74,15 +74,18 @@ pub struct ClipScratch {
 #[derive(Debug, Default)]
 pub(crate) struct ReachedFaces {
     faces: Vec<u32>,
-    /// A bit for each, by its lowest digits: one that is missing is of no face here.
+    /// So many of them it began with.
+    own: usize,
+    /// A bit for each of the others, by its lowest digits: one that is missing is of none of them.
     bits: [u64; 16],
 }
 
 impl ReachedFaces {
     fn start(&mut self, faces: &[u32]) {
         self.faces.clear();
+        self.faces.extend_from_slice(faces);
+        self.own = faces.len();
         self.bits = [0; 16];
-        faces.iter().for_each(|&face| self.push(face));
     }
 
     fn push(&mut self, face: u32) {
@@ -90,8 +93,10 @@ impl ReachedFaces {
         self.bits[face as usize / 64 % 16] |= 1 << (face % 64);
     }
 
-    fn contains(&self, face: u32) -> bool {
-        self.bits[face as usize / 64 % 16] & (1 << (face % 64)) != 0 && self.faces.contains(&face)
+    /// Whether the walk itself has taken a face in.
+    fn has_walked(&self, face: u32) -> bool {
+        self.bits[face as usize / 64 % 16] & (1 << (face % 64)) != 0
+            && self.faces[self.own..].contains(&face)
     }
 }
 
@@ -148,7 +153,7 @@ pub fn splats_of_point(
     }
 }
 
-/// Gathers the faces around a point into clusters; returns how many there are.
+/// Gathers the faces around a point into clusters; returns how many there are, or one more than the most.
 fn gather(surface: &WeldedSurface, point: u32, spread: f64, scratch: &mut ClipScratch) -> usize {
     let ClipScratch {
         clusters, order, ..
@@ -171,6 +176,7 @@ fn gather(surface: &WeldedSurface, point: u32, spread: f64, scratch: &mut ClipSc
             .max_by(|a, b| a.0.total_cmp(&b.0));
         let cluster = match nearest {
             Some((_, cluster)) => cluster,
+            None if count == MOST_CLUSTERS => return count + 1,
             None => {
                 if count == clusters.len() {
                     clusters.push(FaceCluster::default());
@@ -275,18 +281,21 @@ pub(crate) fn walk(
         next += 1;
         let corners = surface.corners(face);
         for k in 0..3 {
+            let other = surface.beyond[face as usize][k];
+            if reached.has_walked(other) {
+                continue;
+            }
             let [from, to] = [corners[k], corners[(k + 1) % 3]];
             if squared_distance_to_segment(frame.center, from, to) >= radius * radius {
                 continue;
             }
-            let other = surface.beyond[face as usize][k];
             let goes_on = other != NO_FACE
                 && frame.normal.dot(surface.normals[other as usize]) >= least_cosine
                 // What the point itself has in another cluster has a splat there.
                 && (faces.contains(&other) || !surface.faces[other as usize].contains(&point));
             if !goes_on {
                 edges.extend(outside_of_edge(frame, from, to));
-            } else if !reached.contains(other) {
+            } else if !faces.contains(&other) {
                 if reached.faces.len() == MOST_FACES {
                     return None;
                 }
