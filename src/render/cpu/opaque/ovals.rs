@@ -24,17 +24,29 @@ pub(super) struct OvalScreen {
     is_orthographic: bool,
     /// Distance of the near plane.
     near: f32,
+    /// Sum of the slopes along x and y of the steepest ray of the picture, and a little; 0 for parallel rays.
+    most_slope: f32,
 }
 
 impl OvalScreen {
-    pub(super) fn new(frame: &FrameConstants) -> Self {
+    pub(super) fn new(frame: &FrameConstants, rect_px: [u32; 4]) -> Self {
         let view_from_model = Mat4::from_cols_array_2d(&frame.view_from_model);
         let clip = &frame.clip_from_view;
+        let is_orthographic = frame.flags & FLAG_ORTHOGRAPHIC != 0;
+        let slope = |i: usize, [low, high]: [u32; 2]| {
+            let at = |px: f32| (px * frame.ray_scale[i] + frame.ray_offset[i]).abs();
+            at(low as f32 - 1.0).max(at(high as f32 + 1.0))
+        };
+        let [left, top, right, bottom] = rect_px;
         Self {
             view_from_model,
             turn: Mat3::from_mat4(view_from_model) * (1.0 / frame.model_scale),
             ray_scale: Vec2::from(frame.ray_scale),
-            is_orthographic: frame.flags & FLAG_ORTHOGRAPHIC != 0,
+            is_orthographic,
+            most_slope: match is_orthographic {
+                true => 0.0,
+                false => slope(0, [left, right]) + slope(1, [top, bottom]),
+            },
             near: clip[3][2] / (1.0 + clip[2][2]),
         }
     }
@@ -75,8 +87,14 @@ pub(super) fn placed(screen: &Screen, splat: &Splat) -> Option<PlacedOval> {
         return None;
     }
     let window = screen.window.map(|row| times(&row) / last);
-    let (form, skew) = form_of(screen, splat);
-    let sides = sides_of(form, skew);
+    let (form, skew) = match is_below_a_pixel(screen, splat, last, window) {
+        true => (Vec3::INFINITY, Vec2::ZERO),
+        false => form_of(screen, splat),
+    };
+    let sides = match form == Vec3::INFINITY {
+        true => [0.0; 2],
+        false => sides_of(form, skew),
+    };
     // What is nothing at all has no number for a side.
     let is_round = sides[0].max(sides[1]) >= LEAST_ROUND_PX;
     let [left, top, right, bottom] = screen.rect_px;
@@ -119,6 +137,23 @@ pub(super) fn placed(screen: &Screen, splat: &Splat) -> Option<PlacedOval> {
         end,
         depth: depth / last,
     })
+}
+
+/// Whether the disc of a splat is certainly narrower than a pixel, so that its form does not matter: a ball of radius r at a
+/// distance of z reaches at most f r (1 + s) / (z - r) from its center on the picture, s the slope of the ray there.
+fn is_below_a_pixel(screen: &Screen, splat: &Splat, last: f32, window: [f32; 2]) -> bool {
+    let [left, top, right, bottom] = screen.rect_px.map(|edge| edge as f32);
+    let is_near_picture = window[0] >= left - 1.0
+        && window[0] <= right + 1.0
+        && window[1] >= top - 1.0
+        && window[1] <= bottom + 1.0;
+    let radius = splat.radius * screen.model_scale;
+    let reach = screen.focal_px * radius * (1.0 + screen.ovals.most_slope);
+    let room = match screen.ovals.is_orthographic {
+        true => 1.0,
+        false => last - radius,
+    };
+    is_near_picture && splat.radius > 0.0 && 2.0 * reach < room
 }
 
 /// Form (xx, xy, yy) and skew of the disc of a splat.
