@@ -14,6 +14,7 @@ mod deferred_shading;
 mod framebuffer;
 mod headlight;
 mod ovals;
+mod pixel_lists;
 mod splat_bounds;
 mod surface_pass;
 mod triangles;

@@ -3,7 +3,8 @@
 use crate::render::cpu::opaque::Picture;
 use crate::render::cpu::opaque::bands::{Placed, SPLAT_BIT};
 use crate::render::cpu::opaque::ovals::OvalOutline;
-use crate::render::cpu::opaque::splat_bounds::{Found, GROUP, Numbers, Round, both};
+use crate::render::cpu::opaque::pixel_lists::Found;
+use crate::render::cpu::opaque::splat_bounds::{GROUP, Numbers, Round, both};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, i32x4, mask32x4};
 

@@ -94,12 +94,7 @@ impl Surfaces {
         let number = |v: f32| Numbers::<S>::splat(simd, v);
         let zero = number(0.0);
         let (code, fine) = (words(&self.normals), words(&self.fine));
-        let x = coordinate::<S>((code << 16) >> 16, (fine << 17) >> 17);
-        let y = coordinate::<S>(code >> 16, (fine << 2) >> 17);
-        let z = number(1.0) - x.abs() - y.abs();
-        let fold = (-z).max(zero);
-        let x = x - x.simd_ge(zero).select(fold, -fold);
-        let y = y - y.simd_ge(zero).select(fold, -fold);
+        let [x, y, z] = direction_of(simd, code, fine);
         let own = |axis: usize| Numbers::<S>::from_slice(simd, &center[axis][lanes.clone()]);
         let [light_x, light_y, light_z, last] = light.place;
         let to_x = number(light_x) - own(0) * last;
@@ -131,6 +126,41 @@ impl Surfaces {
         let word = red | (green << 8) | (blue << 16) | ALPHA;
         word.store_slice(&mut out[lanes]);
     }
+}
+
+impl Surfaces {
+    /// Normals of splats number `at` and on, as many as a vector has, of any length and 0 where there is none; and half the thickness
+    /// of their patches over their radius.
+    #[inline(always)]
+    pub(super) fn patches<S: Simd>(&self, simd: S, at: usize) -> ([Numbers<S>; 3], Numbers<S>) {
+        let lanes = at..at + Numbers::<S>::LEN;
+        let code = Words::<S>::from_slice(simd, &self.normals[lanes.clone()]);
+        let colors = Words::<S>::from_slice(simd, &self.colors[lanes]);
+        let zero = Numbers::<S>::splat(simd, 0.0);
+        let none = Words::<S>::splat(simd, 0);
+        let [x, y, z] = direction_of(simd, code, none);
+        let has_none = (colors & ALPHA).simd_eq(0);
+        let alpha: Numbers<S> = ((colors >> 24) & 0xff).to_float();
+        let normal = [
+            has_none.select(zero, x),
+            has_none.select(zero, y),
+            has_none.select(zero, z),
+        ];
+        (normal, (Numbers::<S>::splat(simd, 255.0) - alpha) / 254.0)
+    }
+}
+
+/// Directions of octahedral codes, of any length, with what the codes leave out.
+#[inline(always)]
+fn direction_of<S: Simd>(simd: S, code: Words<S>, fine: Words<S>) -> [Numbers<S>; 3] {
+    let zero = Numbers::<S>::splat(simd, 0.0);
+    let x = coordinate::<S>((code << 16) >> 16, (fine << 17) >> 17);
+    let y = coordinate::<S>(code >> 16, (fine << 2) >> 17);
+    let z = Numbers::<S>::splat(simd, 1.0) - x.abs() - y.abs();
+    let fold = (-z).max(zero);
+    let x = x - x.simd_ge(zero).select(fold, -fold);
+    let y = y - y.simd_ge(zero).select(fold, -fold);
+    [x, y, z]
 }
 
 // Functions, as what closures do need not be compiled for the vectors of the function that they are in.

@@ -1,52 +1,33 @@
-//! Discs in the plane of the surface as the picture sees them: the quadratic form of `shaders/common/disc.glsl`, in its order
-//! and in single precision.
+//! Discs in the plane of the surface as the picture sees them: the quadratic form of `shaders/common/disc.glsl`, a vector of discs
+//! at a time, in single precision.
 
+use crate::abi::FrameConstants;
 use crate::abi::constants::FLAG_ORTHOGRAPHIC;
-use crate::abi::{FrameConstants, Splat};
-use crate::math::octahedral;
-use crate::render::cpu::opaque::Screen;
-use crate::render::cpu::opaque::splat_bounds::LEAST_ROUND_PX;
-use glam::{Mat3, Mat4, Vec2, Vec3};
+use fearless_simd::prelude::*;
+
+type Numbers<S> = <S as Simd>::f32s;
 
 /// Smallest ratio of the axes of a footprint: at a rim normals are unsure, and a line would leave holes.
 const LEAST_RATIO: f32 = 0.1;
 
-/// What the outline of a disc is drawn larger by than it is, pixels, so that rounding cuts none of its pixels off.
-const SLACK_PX: f32 = 1.0 / 64.0;
-
 /// From the plane of a disc to the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct OvalScreen {
-    view_from_model: Mat4,
-    /// Turns directions of model space to view space, unit ones to unit ones.
-    turn: Mat3,
-    ray_scale: Vec2,
+    /// From model to view space, rows.
+    view: [[f32; 4]; 3],
+    ray_scale: [f32; 2],
     is_orthographic: bool,
     /// Distance of the near plane.
     near: f32,
-    /// Sum of the slopes along x and y of the steepest ray of the picture, and a little; 0 for parallel rays.
-    most_slope: f32,
 }
 
 impl OvalScreen {
-    pub(super) fn new(frame: &FrameConstants, rect_px: [u32; 4]) -> Self {
-        let view_from_model = Mat4::from_cols_array_2d(&frame.view_from_model);
-        let clip = &frame.clip_from_view;
-        let is_orthographic = frame.flags & FLAG_ORTHOGRAPHIC != 0;
-        let slope = |i: usize, [low, high]: [u32; 2]| {
-            let at = |px: f32| (px * frame.ray_scale[i] + frame.ray_offset[i]).abs();
-            at(low as f32 - 1.0).max(at(high as f32 + 1.0))
-        };
-        let [left, top, right, bottom] = rect_px;
+    pub(super) fn new(frame: &FrameConstants) -> Self {
+        let (view, clip) = (&frame.view_from_model, &frame.clip_from_view);
         Self {
-            view_from_model,
-            turn: Mat3::from_mat4(view_from_model) * (1.0 / frame.model_scale),
-            ray_scale: Vec2::from(frame.ray_scale),
-            is_orthographic,
-            most_slope: match is_orthographic {
-                true => 0.0,
-                false => slope(0, [left, right]) + slope(1, [top, bottom]),
-            },
+            view: [0, 1, 2].map(|row: usize| [0, 1, 2, 3].map(|column: usize| view[column][row])),
+            ray_scale: frame.ray_scale,
+            is_orthographic: frame.flags & FLAG_ORTHOGRAPHIC != 0,
             near: clip[3][2] / (1.0 + clip[2][2]),
         }
     }
@@ -64,167 +45,185 @@ pub(super) struct OvalOutline {
     pub(super) to_first: [f32; 2],
 }
 
-/// A disc where the frame sees it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct PlacedOval {
-    pub(super) oval: OvalOutline,
-    /// Pixels that it may cover, from the corner of the rectangle that is drawn in: first, and one past the last.
-    pub(super) first: [u16; 2],
-    pub(super) end: [u16; 2],
-    /// Reversed depth.
-    pub(super) depth: f32,
+/// Discs of a vector, model space.
+pub(super) struct OvalDiscs<S: Simd> {
+    pub(super) center: [Numbers<S>; 3],
+    /// 0 for that of the frame's size.
+    pub(super) radius: Numbers<S>,
+    /// Of any length; where it is 0 the disc faces the viewer.
+    pub(super) normal: [Numbers<S>; 3],
+    /// Half the thickness of the patch over its radius.
+    pub(super) thickness: Numbers<S>,
 }
 
-/// Where the disc of a splat is; `None` where it covers nothing.
-pub(super) fn placed(screen: &Screen, splat: &Splat) -> Option<PlacedOval> {
-    let Vec3 { x, y, z } = splat.center;
-    let times = |row: &[f32; 4]| x * row[0] + (y * row[1] + (z * row[2] + row[3]));
-    let in_view = times(&screen.along);
-    let depth = in_view * screen.depth[0] + screen.depth[1];
-    let last = in_view * screen.last[0] + screen.last[1];
-    // The view volume in depth, and nothing that is not finite.
-    if !(depth >= 0.0 && depth <= last && last > 0.0) {
-        return None;
-    }
-    let window = screen.window.map(|row| times(&row) / last);
-    let (form, skew) = match is_below_a_pixel(screen, splat, last, window) {
-        true => (Vec3::INFINITY, Vec2::ZERO),
-        false => form_of(screen, splat),
-    };
-    let sides = match form == Vec3::INFINITY {
-        true => [0.0; 2],
-        false => sides_of(form, skew),
-    };
-    // What is nothing at all has no number for a side.
-    let is_round = sides[0].max(sides[1]) >= LEAST_ROUND_PX;
-    let [left, top, right, bottom] = screen.rect_px;
-    let (mut first, mut end, mut to_first) = ([0; 2], [0; 2], [0.0; 2]);
-    for (i, (low, high)) in [(left, right), (top, bottom)].into_iter().enumerate() {
-        let [from, to] = if is_round {
-            let reach = 0.5 * (sides[i] + SLACK_PX);
-            [
-                (window[i] - reach - 0.5).ceil(),
-                (window[i] + reach + 0.5).floor(),
-            ]
-        } else {
-            // A square of a pixel at least, in steps of 1/256 pixel.
-            let side = sides[0].max(sides[1]).max(1.0);
-            let steps = (side * 256.0).round_ties_even();
-            let low = (window[i] * 256.0).round_ties_even() - (steps * 0.5).floor() + 127.0;
-            [(low / 256.0).floor(), ((low + steps) / 256.0).floor()]
+/// What those are on the picture.
+pub(super) struct OvalForms<S: Simd> {
+    /// xx, xy and yy.
+    pub(super) form: [Numbers<S>; 3],
+    pub(super) skew: [Numbers<S>; 2],
+    /// Width and height of the rectangle around the center that contains them, pixels.
+    pub(super) sides: [Numbers<S>; 2],
+}
+
+// Functions, as what closures do need not be compiled for the vectors of the function that they are in.
+
+#[inline(always)]
+fn dot<S: Simd>(a: [Numbers<S>; 3], b: [Numbers<S>; 3]) -> Numbers<S> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn turned<S: Simd>(row: &[f32; 4], [x, y, z]: [Numbers<S>; 3]) -> Numbers<S> {
+    x * row[0] + y * row[1] + z * row[2]
+}
+
+/// Width or height of the rectangle around a form, of its inverse along that and the center's shift.
+#[inline(always)]
+fn side_of<S: Simd>(inverse: Numbers<S>, shift: Numbers<S>, rest: Numbers<S>) -> Numbers<S> {
+    (shift.abs() + (inverse * rest + shift * shift).sqrt()) * 2.0 / rest
+}
+
+impl OvalScreen {
+    /// Forms of discs. `model_scale`, `focal_px` and `size_px` are those of the frame.
+    #[inline(always)]
+    pub(super) fn forms<S: Simd>(
+        &self,
+        simd: S,
+        discs: &OvalDiscs<S>,
+        [model_scale, focal_px, size_px]: [f32; 3],
+    ) -> OvalForms<S> {
+        let number = |v: f32| Numbers::<S>::splat(simd, v);
+        let (zero, one) = (number(0.0), number(1.0));
+        let center = [
+            turned::<S>(&self.view[0], discs.center) + self.view[0][3],
+            turned::<S>(&self.view[1], discs.center) + self.view[1][3],
+            turned::<S>(&self.view[2], discs.center) + self.view[2][3],
+        ];
+        let distance = match self.is_orthographic {
+            true => one,
+            false => -center[2],
         };
-        let [low, high] = [low as f32, high as f32];
-        let [from, to] = [from.max(low).min(high), to.max(low).min(high)];
-        // What is no number has become the first pixel twice.
-        if from >= to {
-            return None;
+        let of_frame = distance * (0.5 * size_px / focal_px);
+        let has_own = discs.radius.simd_gt(zero);
+        let radius = has_own.select(discs.radius * model_scale, of_frame);
+        let to_eye = match self.is_orthographic {
+            true => [zero, zero, one],
+            false => {
+                let inverse = number(-1.0) / dot::<S>(center, center).sqrt();
+                [
+                    center[0] * inverse,
+                    center[1] * inverse,
+                    center[2] * inverse,
+                ]
+            }
+        };
+        let normal = self.footprint_normal(simd, discs, to_eye);
+        let [slope, along] = match self.is_orthographic {
+            true => {
+                let inverse = one / normal[2];
+                [[normal[0] * inverse, normal[1] * inverse], [zero, zero]]
+            }
+            false => {
+                let inverse = one / distance;
+                let along = [center[0] * inverse, center[1] * inverse];
+                let facing = normal[0] * along[0] + normal[1] * along[1] - normal[2];
+                [[normal[0] / facing, normal[1] / facing], along]
+            }
+        };
+        // Rays of one pixel to the right and one down meet the plane there, less the ray of the center.
+        let unit = distance / radius;
+        let scale = [unit * self.ray_scale[0], unit * self.ray_scale[1]];
+        let depth = match self.is_orthographic {
+            true => -one,
+            false => one,
+        };
+        let x = [
+            (one - along[0] * slope[0]) * scale[0],
+            -(along[1] * slope[0]) * scale[0],
+            depth * slope[0] * scale[0],
+        ];
+        let y = [
+            -(along[0] * slope[1]) * scale[1],
+            (one - along[1] * slope[1]) * scale[1],
+            depth * slope[1] * scale[1],
+        ];
+        // What may reach behind the eye, where the plane has no picture, is a circle that faces the viewer.
+        let is_near = match self.is_orthographic {
+            true => zero.simd_gt(one),
+            false => (distance - radius).simd_le(number(self.near)),
+        };
+        let extent = radius * focal_px / distance.max(number(self.near));
+        let circle = one / (extent * extent);
+        let skewed = match self.is_orthographic {
+            true => [zero; 2],
+            false => [slope[0] * self.ray_scale[0], slope[1] * self.ray_scale[1]],
+        };
+        let form = [
+            is_near.select(circle, dot::<S>(x, x)),
+            is_near.select(zero, dot::<S>(x, y)),
+            is_near.select(circle, dot::<S>(y, y)),
+        ];
+        let skew = [
+            is_near.select(zero, skewed[0]),
+            is_near.select(zero, skewed[1]),
+        ];
+        let determinant = form[0] * form[2] - form[1] * form[1];
+        let inverse = [
+            form[2] / determinant,
+            -(form[1] / determinant),
+            form[0] / determinant,
+        ];
+        let shift = [
+            inverse[0] * skew[0] + inverse[1] * skew[1],
+            inverse[1] * skew[0] + inverse[2] * skew[1],
+        ];
+        let rest = one - (skew[0] * shift[0] + skew[1] * shift[1]);
+        OvalForms {
+            form,
+            skew,
+            sides: [
+                side_of::<S>(inverse[0], shift[0], rest),
+                side_of::<S>(inverse[2], shift[1], rest),
+            ],
         }
-        first[i] = (from - low) as u16;
-        end[i] = (to - low) as u16;
-        to_first[i] = from + 0.5 - window[i];
     }
-    let oval = match is_round {
-        true => OvalOutline {
-            form: [form.x, 2.0 * form.y, form.z],
-            skew: skew.to_array(),
-            to_first,
-        },
-        false => OvalOutline::default(),
-    };
-    Some(PlacedOval {
-        oval,
-        first,
-        end,
-        depth: depth / last,
-    })
-}
 
-/// Whether the disc of a splat is certainly narrower than a pixel, so that its form does not matter: a ball of radius r at a
-/// distance of z reaches at most f r (1 + s) / (z - r) from its center on the picture, s the slope of the ray there.
-fn is_below_a_pixel(screen: &Screen, splat: &Splat, last: f32, window: [f32; 2]) -> bool {
-    let [left, top, right, bottom] = screen.rect_px.map(|edge| edge as f32);
-    let is_near_picture = window[0] >= left - 1.0
-        && window[0] <= right + 1.0
-        && window[1] >= top - 1.0
-        && window[1] <= bottom + 1.0;
-    let radius = splat.radius * screen.model_scale;
-    let reach = screen.focal_px * radius * (1.0 + screen.ovals.most_slope);
-    let room = match screen.ovals.is_orthographic {
-        true => 1.0,
-        false => last - radius,
-    };
-    is_near_picture && splat.radius > 0.0 && 2.0 * reach < room
-}
-
-/// Form (xx, xy, yy) and skew of the disc of a splat.
-fn form_of(screen: &Screen, splat: &Splat) -> (Vec3, Vec2) {
-    let rays = &screen.ovals;
-    let center = rays.view_from_model.transform_point3(splat.center);
-    let distance = match rays.is_orthographic {
-        true => 1.0,
-        false => -center.z,
-    };
-    let radius = match splat.radius > 0.0 {
-        true => splat.radius * screen.model_scale,
-        false => 0.5 * screen.size_px * distance / screen.focal_px,
-    };
-    if !rays.is_orthographic && distance - radius <= rays.near {
-        // It may reach behind the eye, where the plane has no picture: a circle that faces the viewer.
-        let extent = radius * screen.focal_px / distance.max(rays.near);
-        return (Vec3::new(1.0, 0.0, 1.0) / (extent * extent), Vec2::ZERO);
+    /// Unit normals of the planes in which footprints of patches are discs, turned to the eye; that direction where there is
+    /// none.
+    #[inline(always)]
+    fn footprint_normal<S: Simd>(
+        &self,
+        simd: S,
+        discs: &OvalDiscs<S>,
+        to_eye: [Numbers<S>; 3],
+    ) -> [Numbers<S>; 3] {
+        let number = |v: f32| Numbers::<S>::splat(simd, v);
+        let (zero, one) = (number(0.0), number(1.0));
+        let normal = [
+            turned::<S>(&self.view[0], discs.normal),
+            turned::<S>(&self.view[1], discs.normal),
+            turned::<S>(&self.view[2], discs.normal),
+        ];
+        let length = dot::<S>(normal, normal).sqrt();
+        let facing = dot::<S>(normal, to_eye) / length;
+        let inverse = one / length;
+        let across = [
+            normal[0] * inverse - to_eye[0] * facing,
+            normal[1] * inverse - to_eye[1] * facing,
+            normal[2] * inverse - to_eye[2] * facing,
+        ];
+        let sine = dot::<S>(across, across).sqrt();
+        // Not a number where there is no normal.
+        let has_side = sine.simd_ge(number(1e-6));
+        let ratio = facing.abs() + discs.thickness * sine;
+        let ratio = ratio.max(number(LEAST_RATIO)).min(one);
+        let side = (one - ratio * ratio).sqrt() / sine;
+        let side = facing.simd_lt(zero).select(-side, side);
+        let ratio = has_side.select(ratio, one);
+        [
+            to_eye[0] * ratio + has_side.select(across[0] * side, zero),
+            to_eye[1] * ratio + has_side.select(across[1] * side, zero),
+            to_eye[2] * ratio + has_side.select(across[2] * side, zero),
+        ]
     }
-    let normal = footprint_normal(rays, splat, center);
-    let (x, y, skew) = if rays.is_orthographic {
-        (
-            Vec3::new(1.0, 0.0, -normal.x / normal.z),
-            Vec3::new(0.0, 1.0, -normal.y / normal.z),
-            Vec2::ZERO,
-        )
-    } else {
-        let along = center / distance;
-        let slope = normal.truncate() / normal.dot(along);
-        (
-            Vec3::X - along * slope.x,
-            Vec3::Y - along * slope.y,
-            slope * rays.ray_scale,
-        )
-    };
-    let x = x * (rays.ray_scale.x * distance / radius);
-    let y = y * (rays.ray_scale.y * distance / radius);
-    (Vec3::new(x.dot(x), x.dot(y), y.dot(y)), skew)
-}
-
-/// Normal of the plane in which the footprint of a patch is a disc, turned to the eye; that direction where there is none.
-fn footprint_normal(rays: &OvalScreen, splat: &Splat, center: Vec3) -> Vec3 {
-    let to_eye = match rays.is_orthographic {
-        true => Vec3::Z,
-        false => -center.normalize(),
-    };
-    let alpha = splat.color[3];
-    if alpha == 0 {
-        return to_eye;
-    }
-    let normal = rays.turn * octahedral::decode(splat.normal);
-    let facing = normal.dot(to_eye);
-    let across = normal - facing * to_eye;
-    let sine = across.length();
-    if sine < 1e-6 {
-        return to_eye;
-    }
-    let thickness = f32::from(255 - alpha) / 254.0;
-    let ratio = (facing.abs() + thickness * sine).clamp(LEAST_RATIO, 1.0);
-    let side = if facing < 0.0 { -across } else { across };
-    ratio * to_eye + (1.0 - ratio * ratio).sqrt() * (side / sine)
-}
-
-/// Width and height of the rectangle around the center that contains the disc.
-fn sides_of(form: Vec3, skew: Vec2) -> [f32; 2] {
-    let inverse = Vec3::new(form.z, -form.y, form.x) / (form.x * form.z - form.y * form.y);
-    let shift = [
-        inverse.x * skew.x + inverse.y * skew.y,
-        inverse.y * skew.x + inverse.z * skew.y,
-    ];
-    let rest = 1.0 - (skew.x * shift[0] + skew.y * shift[1]);
-    [(inverse.x, shift[0]), (inverse.z, shift[1])]
-        .map(|(own, shift)| 2.0 * (shift.abs() + (own * rest + shift * shift).sqrt()) / rest)
 }

@@ -6,7 +6,8 @@ use crate::pack::Footprint;
 use crate::pack::splats::{Named, Out, Part};
 use crate::render::cpu::opaque::bands::Outlines;
 use crate::render::cpu::opaque::headlight::{Light, Surfaces};
-use crate::render::cpu::opaque::ovals::{OvalOutline, placed};
+use crate::render::cpu::opaque::ovals::{OvalDiscs, OvalOutline};
+use crate::render::cpu::opaque::pixel_lists::Finding;
 use crate::render::cpu::opaque::{Look, Screen, Source};
 use crate::tree::{Leaf, Node};
 use fearless_simd::prelude::*;
@@ -23,114 +24,6 @@ pub(super) const BLOCK: usize = 64;
 
 /// A circle of a smaller diameter is the square around it, see `shaders/common/form.glsl`.
 pub(super) const LEAST_ROUND_PX: f32 = std::f32::consts::SQRT_2;
-
-/// Pixels of splats, counted from the corner of the rectangle: numbers of one kind in a list each. Words of two numbers have x in their
-/// lower half. What has no pixels ends before it begins.
-#[derive(Debug, Default)]
-pub(super) struct Pixels {
-    first: Vec<i32>,
-    /// One past the last.
-    end: Vec<i32>,
-    /// Reversed depth, as bits.
-    depth: Vec<f32>,
-    /// What they look like, where that is asked for.
-    colors: Vec<i32>,
-}
-
-/// Some of them.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Found<'a> {
-    pub(super) first: &'a [i32],
-    pub(super) end: &'a [i32],
-    pub(super) depth: &'a [f32],
-    /// What their pixels show.
-    pub(super) shown: &'a [i32],
-}
-
-/// Some of them, to be found.
-#[derive(Debug, Default)]
-pub(super) struct Finding<'a> {
-    first: &'a mut [i32],
-    end: &'a mut [i32],
-    depth: &'a mut [f32],
-    colors: &'a mut [i32],
-}
-
-impl Pixels {
-    /// The first so many, whatever was in them.
-    pub(super) fn first(&mut self, count: usize) -> Finding<'_> {
-        let all = count.max(self.first.len());
-        self.first.resize(all, 0);
-        self.end.resize(all, 0);
-        self.depth.resize(all, 0.0);
-        self.colors.resize(all, 0);
-        Finding {
-            first: &mut self.first[..count],
-            end: &mut self.end[..count],
-            depth: &mut self.depth[..count],
-            colors: &mut self.colors[..count],
-        }
-    }
-
-    /// What those that were found look like, by their number.
-    pub(super) fn colors(&self) -> &[i32] {
-        &self.colors
-    }
-
-    /// The same, to be found.
-    pub(super) fn colors_mut(&mut self) -> &mut [i32] {
-        &mut self.colors
-    }
-}
-
-impl<'a> Finding<'a> {
-    /// The first so many, which are no longer among them.
-    pub(super) fn split(&mut self, count: usize) -> Self {
-        let Self {
-            first,
-            end,
-            depth,
-            colors,
-        } = std::mem::take(self);
-        let (first, end, depth, colors) = (
-            first.split_at_mut(count),
-            end.split_at_mut(count),
-            depth.split_at_mut(count),
-            colors.split_at_mut(count),
-        );
-        *self = Self {
-            first: first.1,
-            end: end.1,
-            depth: depth.1,
-            colors: colors.1,
-        };
-        Self {
-            first: first.0,
-            end: end.0,
-            depth: depth.0,
-            colors: colors.0,
-        }
-    }
-
-    /// All of them, for a while.
-    pub(super) fn again(&mut self) -> Finding<'_> {
-        Finding {
-            first: self.first,
-            end: self.end,
-            depth: self.depth,
-            colors: self.colors,
-        }
-    }
-
-    pub(super) fn found(self) -> Found<'a> {
-        Found {
-            first: self.first,
-            end: self.end,
-            depth: self.depth,
-            shown: self.colors,
-        }
-    }
-}
 
 /// Both numbers of a word.
 #[inline(always)]
@@ -172,7 +65,8 @@ struct Answers {
     depth: Row,
     form: Row,
     to_first: [Row; 2],
-    ovals: [OvalOutline; BLOCK],
+    /// Of discs in the plane of the surface: form and skew.
+    ovals: [Row; 5],
     colors: [i32; BLOCK],
 }
 
@@ -211,7 +105,7 @@ pub(super) fn part(
             depth: [0.0; BLOCK],
             form: [0.0; BLOCK],
             to_first: [[0.0; BLOCK]; 2],
-            ovals: [OvalOutline::default(); BLOCK],
+            ovals: [[0.0; BLOCK]; 5],
             colors: [0; BLOCK],
         },
     };
@@ -310,27 +204,16 @@ impl Placer<'_> {
     #[inline(always)]
     fn put(&mut self, splat: &Splat) {
         self.surfaces.put(self.len % BLOCK, splat);
-        self.place(splat);
+        self.push(splat.center, splat.radius);
     }
 
     /// A splat, whatever it looks like.
     #[inline(always)]
     fn place(&mut self, splat: &Splat) {
-        if self.look.footprint == Footprint::Oriented {
-            self.place_oval(splat);
+        match self.look.footprint {
+            Footprint::Oriented => self.put(splat),
+            _ => self.push(splat.center, splat.radius),
         }
-        self.push(splat.center, splat.radius);
-    }
-
-    /// Finds the pixels of a disc in the plane of the surface.
-    fn place_oval(&mut self, splat: &Splat) {
-        let (answers, at) = (&mut self.answers, self.len % BLOCK);
-        let word = |[x, y]: [u16; 2]| i32::from(x) | (i32::from(y) << 16);
-        let found = placed(self.screen, splat);
-        answers.first[at] = found.map_or(-1, |found| word(found.first));
-        answers.end[at] = found.map_or(0, |found| word(found.end));
-        answers.depth[at] = found.map_or(0.0, |found| found.depth);
-        answers.ovals[at] = found.map_or(OvalOutline::default(), |found| found.oval);
     }
 
     /// Whether all are there.
@@ -378,7 +261,8 @@ impl Placer<'_> {
                 self.surfaces.shade(simd, light, centers, at, colors);
             }
             if look.footprint == Footprint::Oriented {
-                // They are placed already, one by one.
+                let patches = self.surfaces.patches(simd, at);
+                find_ovals(simd, screen, patches, (&self.block, answers), at);
             } else if self.is_one_pixel {
                 find::<S, true>(simd, screen, *look, (&self.block, answers), at);
             } else {
@@ -412,7 +296,15 @@ impl Placer<'_> {
             Footprint::Oriented => self.len,
             _ => 0,
         });
-        own_ovals.copy_from_slice(&answers.ovals[..own_ovals.len()]);
+        for (i, oval) in own_ovals.iter_mut().enumerate() {
+            let [xx, xy, yy, skew_x, skew_y] =
+                [0, 1, 2, 3, 4].map(|row: usize| answers.ovals[row][i]);
+            *oval = OvalOutline {
+                form: [xx, xy, yy],
+                skew: [skew_x, skew_y],
+                to_first: [answers.to_first[0][i], answers.to_first[1][i]],
+            };
+        }
         let (groups, rest_of_groups) = groups.split_at_mut(self.len.div_ceil(GROUP));
         let firsts = own.first.chunks(GROUP);
         let ends = own.end.chunks(GROUP);
@@ -531,6 +423,75 @@ fn find<S: Simd, const ONE: bool>(
     let x = [first_x - sides[0][0], end_x - sides[0][0]];
     let y = [first_y - sides[1][0], end_y - sides[1][0]];
     store(simd, is_in, [x, y], found, lanes);
+}
+
+/// As [`find`], of discs in the plane of the surface, whose normals and thickness are given.
+#[inline(always)]
+fn find_ovals<S: Simd>(
+    simd: S,
+    screen: &Screen,
+    (normal, thickness): ([Numbers<S>; 3], Numbers<S>),
+    (block, found): (&Block, &mut Answers),
+    at: usize,
+) {
+    let lanes = at..at + Numbers::<S>::LEN;
+    let number = |v: f32| Numbers::<S>::splat(simd, v);
+    let [x, y, z] = &block.center;
+    let x = Numbers::<S>::from_slice(simd, &x[lanes.clone()]);
+    let y = Numbers::<S>::from_slice(simd, &y[lanes.clone()]);
+    let z = Numbers::<S>::from_slice(simd, &z[lanes.clone()]);
+    let times = |row: &[f32; 4]| x * row[0] + (y * row[1] + (z * row[2] + row[3]));
+    let (depth, last, is_drawn) = depth_of(simd, screen, [x, y, z]);
+    let window = [
+        times(&screen.window[0]) / last,
+        times(&screen.window[1]) / last,
+    ];
+    (depth / last).store_slice(&mut found.depth[lanes.clone()]);
+    let discs = OvalDiscs {
+        center: [x, y, z],
+        radius: Numbers::<S>::from_slice(simd, &block.radius[lanes.clone()]),
+        normal,
+        thickness,
+    };
+    let sizes = [screen.model_scale, screen.focal_px, screen.size_px];
+    let forms = screen.ovals.forms(simd, &discs, sizes);
+    let (zero, one) = (number(0.0), number(1.0));
+    let side = forms.sides[0].max(forms.sides[1]);
+    // What is no number at all is a square of a pixel.
+    let is_round = side.simd_ge(LEAST_ROUND_PX);
+    let square = is_round.select(one, side.simd_ge(one).select(side, one));
+    let steps = (square * 256.0).round_ties_even().to_int::<S::i32s>();
+    let [left, top, right, bottom] = screen.rect_px.map(|v| v as f32);
+    let mut ends = [[zero; 2]; 2];
+    let mut is_in = is_drawn;
+    for (i, [low, high]) in [[left, right], [top, bottom]].into_iter().enumerate() {
+        let window = window[i];
+        let reach = (forms.sides[i] + 1.0 / 64.0) * 0.5;
+        let reach = is_round.select(reach, square);
+        is_in &= window.simd_gt(number(low) - reach) & window.simd_lt(number(high) + reach);
+        let low_step = (window * 256.0).round_ties_even().to_int::<S::i32s>() - (steps >> 1) + 127;
+        let first = (low_step >> 8).to_float::<Numbers<S>>();
+        let end = ((low_step + steps) >> 8).to_float::<Numbers<S>>();
+        let first = is_round.select((window - reach - 0.5).ceil(), first);
+        let end = is_round.select((window + reach + 0.5).floor(), end);
+        ends[i] = [
+            first.max(number(low)).min(number(high)),
+            end.max(number(low)).min(number(high)),
+        ];
+        let to_first = ends[i][0] + 0.5 - window;
+        to_first.store_slice(&mut found.to_first[i][lanes.clone()]);
+    }
+    let [xx, xy, yy] = forms.form;
+    let rows = [xx, xy * 2.0, yy, forms.skew[0], forms.skew[1]];
+    for (row, own) in found.ovals.iter_mut().zip(rows) {
+        is_round
+            .select(own, zero)
+            .store_slice(&mut row[lanes.clone()]);
+    }
+    let [[first_x, end_x], [first_y, end_y]] = ends;
+    is_in &= first_x.simd_lt(end_x) & first_y.simd_lt(end_y);
+    let ends = [[first_x - left, end_x - left], [first_y - top, end_y - top]];
+    store(simd, is_in, ends, found, lanes);
 }
 
 /// Which pixel a square of a pixel covers, from a low side on, and whether it is below a high one. A function: what a closure

@@ -41,7 +41,7 @@ impl Screen {
             focal_px: frame.focal_px,
             size_px: frame.splat_size_px,
             rect_px,
-            ovals: OvalScreen::new(frame, rect_px),
+            ovals: OvalScreen::new(frame),
         })
     }
 
