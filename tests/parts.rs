@@ -154,12 +154,12 @@ fn hold_to_reference(backend: &Backend, models: &[&Model], path: Path) -> usize 
 fn the_processor_draws_parts_as_the_reference_does() {
     let models = models();
     let all: Vec<&Model> = models.iter().collect();
-    // It has no points, ellipses, fuzzy and visibility splats.
-    assert_eq!(hold_to_reference(&Backend::Cpu, &all, Path::Auto), 3 * 4);
+    // It has no points, fuzzy and visibility splats.
+    assert_eq!(hold_to_reference(&Backend::Cpu, &all, Path::Auto), 3 * 3);
     // Of surfaces alone splats have one size, and are drawn from the cuts themselves.
     assert_eq!(
         hold_to_reference(&Backend::Cpu, &all[..2], Path::Auto),
-        3 * 4
+        3 * 3
     );
 }
 

@@ -81,16 +81,16 @@ fn the_windows_picture_is_the_one_that_render_draws() {
         assert!(lit_pixels(&drawn) > 3000, "{look:?} shows something");
         assert!(shown == drawn, "{look:?}: the window's picture differs");
     }
-    // Points are discs where nothing is said.
+    // Points are discs in the plane of the surface where nothing is said.
     let cloud = folder.path().join("points.xyz");
     let rows = (0..900).map(|i| format!("{} {} {}\n", i % 30, i / 30, i % 7));
     std::fs::write(&cloud, rows.collect::<String>()).unwrap();
     let look = [cloud.to_str().unwrap(), "--size", "200x150"];
     let to_window = [&look[..], &["--screenshot", shown.to_str().unwrap()]].concat();
     must_succeed(&run(&mut display.surfel(&to_window)));
-    let [usual, discs, squares] = [&[][..], &["--splat", "disc"], &["--splat", "square"]]
+    let [usual, ellipses, discs] = [&[][..], &["--splat", "ellipse"], &["--splat", "disc"]]
         .map(|more| render(&[&look[..], more, &["--samples", "1"]].concat(), &drawn));
-    assert!(load(&shown) == usual && usual == discs && usual != squares);
+    assert!(load(&shown) == usual && usual == ellipses && usual != discs);
 }
 
 #[test]
