@@ -218,7 +218,7 @@ pub(crate) struct LookArgs {
     /// 1 to 1.5 are drawn as 1, which is faster and more exact [default: 1, or the scene's]
     #[arg(long, short, value_name = "PIXELS")]
     threshold: Option<f32>,
-    /// What a splat looks like [default: square; on points in surfel render and the window ellipse]
+    /// Shape of a splat [default: square; on points in surfel render and the window ellipse]
     #[arg(long, value_enum)]
     splat: Option<SplatName>,
     #[command(flatten)]

@@ -74,9 +74,9 @@ pub struct ClipScratch {
 #[derive(Debug, Default)]
 pub(crate) struct ReachedFaces {
     faces: Vec<u32>,
-    /// So many of them it began with.
+    /// Number of those that it began with.
     own: usize,
-    /// A bit for each of the others, by its lowest digits: one that is missing is of none of them.
+    /// Bits of the others, by the lowest ten bits of their numbers: a face whose bit is not set is none of them.
     bits: [u64; 16],
 }
 
@@ -93,7 +93,7 @@ impl ReachedFaces {
         self.bits[face as usize / 64 % 16] |= 1 << (face % 64);
     }
 
-    /// Whether the walk itself has taken a face in.
+    /// Tells whether the walk itself has taken a face in.
     fn has_walked(&self, face: u32) -> bool {
         self.bits[face as usize / 64 % 16] & (1 << (face % 64)) != 0
             && self.faces[self.own..].contains(&face)

@@ -134,7 +134,7 @@ pub struct ConeTree<'s> {
     nodes: Vec<ConeNode>,
     /// Number of trees: the first nodes have none above them.
     roots: usize,
-    /// A distance from planes that rounding may be, model units.
+    /// Distance of an eye from the plane of a face, within which rounding decides on which side it is; model units.
     rounding: f64,
 }
 

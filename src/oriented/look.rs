@@ -125,7 +125,7 @@ pub fn take_look(
     }
 }
 
-/// How far a splat is from the look of the mesh at the corners of the `parts` of `faces` that it stands for.
+/// Measures how far a splat is from the look of the mesh at the corners of the `parts` of `faces` that it stands for.
 pub fn misfit(
     splat: &OrientedPolygon,
     surface: &WeldedSurface,

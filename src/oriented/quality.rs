@@ -22,11 +22,11 @@ pub struct OverhangSpread {
     pub most_of_radius: f64,
 }
 
-/// Most splats whose reach is measured: what stands out far is far from all faces, where the nearest takes long to find.
+/// Largest number of splats whose reach is measured. The nearest face to a point that is far from all takes long to find.
 pub const MOST_MEASURED: usize = 8_192;
 
-/// How far splats reach from the surface. Samples lie inside of each and on its outline. Of more than [`MOST_MEASURED`] every
-/// second, third and so on is looked at. Once `progress` is cancelled the rest counts as nothing.
+/// How far splats reach from the surface. Samples lie inside of each and on its outline. Of more than [`MOST_MEASURED`]
+/// splats an even choice is measured. Once `progress` is cancelled the rest counts as nothing.
 pub fn overhang(
     surface: &WeldedSurface,
     set: &SplatSet,

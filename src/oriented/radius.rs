@@ -79,13 +79,13 @@ impl OwnPart {
         &self.corners[..self.count]
     }
 
-    /// Weights of the corners of the triangle at each of them.
+    /// Barycentric weights of the triangle, the point first, at each corner of the part.
     pub fn shares(&self) -> &[[f64; 3]] {
         &self.shares[..self.count]
     }
 }
 
-/// Which corner of a face a point is: 0, 1 or 2.
+/// Number of the corner of a face that a point is: 0, 1 or 2.
 pub fn corner_of(surface: &WeldedSurface, face: u32, point: u32) -> usize {
     let [p, q, _] = surface.faces[face as usize];
     if p == point {

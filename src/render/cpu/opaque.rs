@@ -44,7 +44,7 @@ use fearless_simd::Level;
 /// The shape of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Look {
-    /// What they are on the picture.
+    /// Shape on the picture.
     pub footprint: Footprint,
     /// None has a radius of its own.
     pub has_one_size: bool,

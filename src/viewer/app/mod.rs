@@ -89,7 +89,7 @@ pub(super) struct ViewerApp {
     /// The lamp as it was left, on or off.
     lamp: Phong,
     pub(super) settings: Settings,
-    /// The splat that the program chose last.
+    /// Splat that the program chose last; another one was chosen by a person.
     splat_of_model: SplatKind,
     /// Settings that a frame was drawn with.
     good: Option<Settings>,

@@ -164,19 +164,14 @@ impl Band<'_> {
             let mut at = (y - first_row) * self.stride + left;
             let mut x = lanes;
             for _ in (left..right).step_by(step) {
-                let fronts = &mut self.depth[at..at + step];
-                let all_shown = &mut self.shown[at..at + step];
-                let front = Numbers::<S>::from_slice(simd, fronts);
-                let nearest = S::i32s::from_slice(simd, all_shown);
-                let mut is_nearer = x.simd_lt(end) & depth.simd_gt(front);
+                let mut is_in = x.simd_lt(end);
                 if let Some(&Round { form, to_first }) = round {
                     let from_y = to_first[1] + (y - top) as f32;
                     let from_x = x + to_first[0];
                     let squared = from_x * form * from_x + form * from_y * from_y;
-                    is_nearer &= squared.simd_le(1.0);
+                    is_in &= squared.simd_le(1.0);
                 }
-                is_nearer.select(depth, front).store_slice(fronts);
-                is_nearer.select(shown, nearest).store_slice(all_shown);
+                self.leave_wide(simd, at, is_in, depth, shown);
                 at += step;
                 x += step as f32;
             }
@@ -240,22 +235,36 @@ impl Band<'_> {
                 let mut at = (y - first_row) * self.stride + left;
                 let mut x = lanes;
                 for _ in (left..right).step_by(step) {
-                    let fronts = &mut self.depth[at..at + step];
-                    let all_shown = &mut self.shown[at..at + step];
-                    let front = Numbers::<S>::from_slice(simd, fronts);
-                    let nearest = S::i32s::from_slice(simd, all_shown);
                     let from_x = x + to_first[0];
                     let squared = (from_x * xx + xy) * from_x + of_y;
                     let along = from_x * skew[0] + along_y;
                     let is_in = squared.simd_le(along * along) & along.simd_gt(0.0);
-                    let is_nearer = x.simd_lt(width) & is_in & depth.simd_gt(front);
-                    is_nearer.select(depth, front).store_slice(fronts);
-                    is_nearer.select(shown, nearest).store_slice(all_shown);
+                    self.leave_wide(simd, at, is_in & x.simd_lt(width), depth, shown);
                     at += step;
                     x += step as f32;
                 }
             }
         }
+    }
+
+    /// Leaves depth and what is shown as [`Band::leave`] does, in as many pixels as the widest vector has.
+    #[inline(always)]
+    fn leave_wide<S: Simd>(
+        &mut self,
+        simd: S,
+        at: usize,
+        is_in: S::mask32s,
+        depth: Numbers<S>,
+        shown: S::i32s,
+    ) {
+        let step = Numbers::<S>::LEN;
+        let fronts = &mut self.depth[at..at + step];
+        let all_shown = &mut self.shown[at..at + step];
+        let front = Numbers::<S>::from_slice(simd, fronts);
+        let nearest = S::i32s::from_slice(simd, all_shown);
+        let is_nearer = is_in & depth.simd_gt(front);
+        is_nearer.select(depth, front).store_slice(fronts);
+        is_nearer.select(shown, nearest).store_slice(all_shown);
     }
 
     /// Leaves depth and what is shown in those of four pixels where nothing is as near.

@@ -34,9 +34,9 @@ pub(super) struct Placed<'a> {
     /// Number of the first in the list.
     pub(super) first: u32,
     pub(super) pixels: Found<'a>,
-    /// Of discs that face the viewer, else empty.
+    /// Outlines of discs that face the viewer; empty for other splats.
     pub(super) rounds: &'a [Round],
-    /// Of discs in the plane of the surface, else empty.
+    /// Outlines of discs in the plane of the surface; empty for other splats.
     pub(super) ovals: &'a [OvalOutline],
     pub(super) groups: &'a [Group],
     /// All are squares of a pixel.
@@ -188,10 +188,11 @@ fn mark(picture: &Picture<'_>, width: usize, seen: &[AtomicU8]) {
     }
 }
 
-/// What is round of splats: of circles, and of discs in the plane of the surface. Empty for others.
+/// Outlines of splats: those of discs that face the viewer, and those of discs in the plane of the surface. Each is empty for
+/// other splats.
 pub(super) type Outlines<'a> = (&'a mut [Round], &'a mut [OvalOutline]);
 
-/// The first so many of a list, and the others.
+/// Splits the first `count` items off a list.
 fn first_of<'a, T>(count: usize, list: &mut &'a mut [T]) -> (&'a mut [T], &'a mut [T]) {
     std::mem::take(list).split_at_mut(count)
 }

@@ -129,8 +129,8 @@ impl Surfaces {
 }
 
 impl Surfaces {
-    /// Normals of splats number `at` and on, as many as a vector has, of any length and 0 where there is none; and half the thickness
-    /// of their patches over their radius.
+    /// Decodes normals of splats number `at` and on, as many as a vector has, and half the thickness of their patches of surface over
+    /// their radius. Normals have any length, 0 where there is none.
     #[inline(always)]
     pub(super) fn patches<S: Simd>(&self, simd: S, at: usize) -> ([Numbers<S>; 3], Numbers<S>) {
         let lanes = at..at + Numbers::<S>::LEN;

@@ -33,7 +33,7 @@ impl OvalScreen {
     }
 }
 
-/// Which pixels of its rectangle a disc in the plane of the surface covers: those at offsets o from its center with
+/// Outline of a disc in the plane of the surface. It covers those pixels of its rectangle that lie at offsets o from its center with
 /// `form`(o) <= (1 + `skew`.o)^2 on the near side of the horizon of its plane.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct OvalOutline {
@@ -45,21 +45,22 @@ pub(super) struct OvalOutline {
     pub(super) to_first: [f32; 2],
 }
 
-/// Discs of a vector, model space.
+/// Discs of a vector of lanes, model space.
 pub(super) struct OvalDiscs<S: Simd> {
     pub(super) center: [Numbers<S>; 3],
-    /// 0 for that of the frame's size.
+    /// Radius; 0 stands for that of the frame's constant size.
     pub(super) radius: Numbers<S>,
-    /// Of any length; where it is 0 the disc faces the viewer.
+    /// Normal of any length; where it is 0 the disc faces the viewer.
     pub(super) normal: [Numbers<S>; 3],
-    /// Half the thickness of the patch over its radius.
+    /// Half the thickness of the patch of surface, over its radius.
     pub(super) thickness: Numbers<S>,
 }
 
-/// What those are on the picture.
+/// Footprints of those discs on the picture.
 pub(super) struct OvalForms<S: Simd> {
-    /// xx, xy and yy.
+    /// Quadratic form: xx, xy and yy, 1 / pixels^2.
     pub(super) form: [Numbers<S>; 3],
+    /// Change of the distance along the ray with the offset, 1 / pixels.
     pub(super) skew: [Numbers<S>; 2],
     /// Width and height of the rectangle around the center that contains them, pixels.
     pub(super) sides: [Numbers<S>; 2],
@@ -77,7 +78,8 @@ fn turned<S: Simd>(row: &[f32; 4], [x, y, z]: [Numbers<S>; 3]) -> Numbers<S> {
     x * row[0] + y * row[1] + z * row[2]
 }
 
-/// Width or height of the rectangle around a form, of its inverse along that and the center's shift.
+/// Width or height of the rectangle around a footprint, from the inverse of its form along that side, and from the shift of its
+/// middle by perspective; see `sides_of` in `shaders/common/form.glsl`.
 #[inline(always)]
 fn side_of<S: Simd>(inverse: Numbers<S>, shift: Numbers<S>, rest: Numbers<S>) -> Numbers<S> {
     (shift.abs() + (inverse * rest + shift * shift).sqrt()) * 2.0 / rest
@@ -188,8 +190,8 @@ impl OvalScreen {
         }
     }
 
-    /// Unit normals of the planes in which footprints of patches are discs, turned to the eye; that direction where there is
-    /// none.
+    /// Computes unit normals of the planes in which the footprints are discs, turned to the eye; the direction to the eye where a
+    /// disc has no normal.
     #[inline(always)]
     fn footprint_normal<S: Simd>(
         &self,

@@ -65,7 +65,7 @@ struct Answers {
     depth: Row,
     form: Row,
     to_first: [Row; 2],
-    /// Of discs in the plane of the surface: form and skew.
+    /// Form and skew of discs in the plane of the surface.
     ovals: [Row; 5],
     colors: [i32; BLOCK],
 }
@@ -207,7 +207,7 @@ impl Placer<'_> {
         self.push(splat.center, splat.radius);
     }
 
-    /// A splat, whatever it looks like.
+    /// Takes a splat whose color nobody asks for.
     #[inline(always)]
     fn place(&mut self, splat: &Splat) {
         match self.look.footprint {
@@ -342,6 +342,46 @@ pub(super) fn depth_of<S: Simd>(
     (depth, last, is_drawn)
 }
 
+/// Centers of a vector of splats.
+struct SeenCenters<S: Simd> {
+    /// Model space.
+    center: [Numbers<S>; 3],
+    /// Window position, pixels.
+    window: [Numbers<S>; 2],
+    /// Last component of the clip position.
+    last: Numbers<S>,
+    /// Between the near and the far plane.
+    is_drawn: S::mask32s,
+}
+
+/// Finds the centers of splats number `at` of a block and on, as many as a vector has, and stores their depths.
+#[inline(always)]
+fn centers_of<S: Simd>(
+    simd: S,
+    screen: &Screen,
+    (block, found): (&Block, &mut Answers),
+    at: usize,
+) -> SeenCenters<S> {
+    let lanes = at..at + Numbers::<S>::LEN;
+    let [x, y, z] = &block.center;
+    let x = Numbers::<S>::from_slice(simd, &x[lanes.clone()]);
+    let y = Numbers::<S>::from_slice(simd, &y[lanes.clone()]);
+    let z = Numbers::<S>::from_slice(simd, &z[lanes.clone()]);
+    // From the last column to the first, as shaders do it.
+    let times = |row: &[f32; 4]| x * row[0] + (y * row[1] + (z * row[2] + row[3]));
+    let (depth, last, is_drawn) = depth_of(simd, screen, [x, y, z]);
+    (depth / last).store_slice(&mut found.depth[lanes]);
+    SeenCenters {
+        center: [x, y, z],
+        window: [
+            times(&screen.window[0]) / last,
+            times(&screen.window[1]) / last,
+        ],
+        last,
+        is_drawn,
+    }
+}
+
 /// Splats number `at` of a block and on, as many as a vector has. `ONE`: they are squares of a pixel.
 #[inline(always)]
 fn find<S: Simd, const ONE: bool>(
@@ -353,19 +393,13 @@ fn find<S: Simd, const ONE: bool>(
 ) {
     let lanes = at..at + Numbers::<S>::LEN;
     let number = |v: f32| Numbers::<S>::splat(simd, v);
-    let [x, y, z] = &block.center;
-    let x = Numbers::<S>::from_slice(simd, &x[lanes.clone()]);
-    let y = Numbers::<S>::from_slice(simd, &y[lanes.clone()]);
-    let z = Numbers::<S>::from_slice(simd, &z[lanes.clone()]);
-    // From the last column to the first, as shaders do it.
-    let times = |row: &[f32; 4]| x * row[0] + (y * row[1] + (z * row[2] + row[3]));
-    let (depth, last, is_drawn) = depth_of(simd, screen, [x, y, z]);
-    let window = [
-        times(&screen.window[0]) / last,
-        times(&screen.window[1]) / last,
-    ];
+    let SeenCenters {
+        window,
+        last,
+        is_drawn,
+        ..
+    } = centers_of(simd, screen, (block, found), at);
     let zero = number(0.0);
-    (depth / last).store_slice(&mut found.depth[lanes.clone()]);
     let [left, top, right, bottom] = screen.rect_px.map(|v| v as f32);
     let sides = [[left, right], [top, bottom]];
     if ONE {
@@ -425,7 +459,7 @@ fn find<S: Simd, const ONE: bool>(
     store(simd, is_in, [x, y], found, lanes);
 }
 
-/// As [`find`], of discs in the plane of the surface, whose normals and thickness are given.
+/// Finds pixels as [`find`] does, of discs in the plane of the surface with these normals and thicknesses.
 #[inline(always)]
 fn find_ovals<S: Simd>(
     simd: S,
@@ -436,19 +470,14 @@ fn find_ovals<S: Simd>(
 ) {
     let lanes = at..at + Numbers::<S>::LEN;
     let number = |v: f32| Numbers::<S>::splat(simd, v);
-    let [x, y, z] = &block.center;
-    let x = Numbers::<S>::from_slice(simd, &x[lanes.clone()]);
-    let y = Numbers::<S>::from_slice(simd, &y[lanes.clone()]);
-    let z = Numbers::<S>::from_slice(simd, &z[lanes.clone()]);
-    let times = |row: &[f32; 4]| x * row[0] + (y * row[1] + (z * row[2] + row[3]));
-    let (depth, last, is_drawn) = depth_of(simd, screen, [x, y, z]);
-    let window = [
-        times(&screen.window[0]) / last,
-        times(&screen.window[1]) / last,
-    ];
-    (depth / last).store_slice(&mut found.depth[lanes.clone()]);
+    let SeenCenters {
+        center,
+        window,
+        is_drawn,
+        ..
+    } = centers_of(simd, screen, (block, found), at);
     let discs = OvalDiscs {
-        center: [x, y, z],
+        center,
         radius: Numbers::<S>::from_slice(simd, &block.radius[lanes.clone()]),
         normal,
         thickness,
