@@ -72,7 +72,8 @@ const LAYERS: &[Layer] = &[
     // Calibrated cameras and what a photograph shows of a surface: plain values, that every backend draws by.
     layer("projective", &["math"]),
     // Vulkan knows records and layouts, but neither trees nor meshes.
-    layer("gpu", &["abi"]),
+    // Threads copy what a graphics card reads.
+    layer("gpu", &["threads", "abi"]),
     layer(
         "render",
         &[

@@ -61,6 +61,10 @@ pub(super) struct PackedFrame {
     pub(super) splat_bytes: u64,
     /// Of all triangles.
     pub(super) index_bytes: u64,
+    /// Of those in the list of triangles.
+    large_bytes: u64,
+    /// Of those in the list of small ones.
+    small_bytes: u64,
     pub(super) triangles: usize,
     /// Oriented polygons.
     pub(super) polygons: usize,
@@ -96,8 +100,9 @@ impl DrawLists {
     /// # Errors
     /// When memory runs out.
     pub(super) fn new(gpu: &Arc<Gpu>, slot: usize) -> Result<Self, Error> {
-        let list =
-            |name: &str| UploadBuffer::new(gpu, &format!("{name} of frame {slot}"), FIRST_BYTES);
+        let list = |name: &str| {
+            UploadBuffer::readable(gpu, &format!("{name} of frame {slot}"), FIRST_BYTES)
+        };
         Ok(Self {
             splats: list("splats")?,
             indices: list("triangles")?,
@@ -187,6 +192,8 @@ impl DrawLists {
             capacity: written.capacity,
             splat_bytes: (written.capacity * written.record_bytes) as u64,
             index_bytes,
+            large_bytes: triangle_bytes * so_far.large as u64,
+            small_bytes: triangle_bytes * so_far.small as u64,
             triangles: match primitives.has_triangles {
                 true => cuts.triangle_count(),
                 false => 0,
@@ -384,11 +391,9 @@ impl DrawLists {
     pub(super) fn flush(&mut self) {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
-        self.indices.flush(0..held.index_bytes);
+        self.indices.flush(0..held.large_bytes);
         self.polygons.flush(0..held.polygon_bytes());
-        if held.selection.takes_triangles {
-            self.small.flush(0..held.index_bytes);
-        }
+        self.small.flush(0..held.small_bytes);
     }
 }
 
@@ -486,7 +491,7 @@ pub(super) fn records<'a, T: bytemuck::Pod>(
 fn reserve(gpu: &Arc<Gpu>, buffer: &mut UploadBuffer, bytes: u64) -> Result<(), Error> {
     if bytes > buffer.bytes() {
         let name = buffer.name().to_owned();
-        *buffer = UploadBuffer::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
+        *buffer = UploadBuffer::readable(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
     }
     Ok(())
 }
