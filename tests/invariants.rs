@@ -226,7 +226,11 @@ fn pages_do_not_show() {
             if !model.kind().is_surface() && !draws_clouds(case) {
                 continue;
             }
-            let s = settings_of(case);
+            // Compute takes triangles where all are in one buffer.
+            let s = Settings {
+                path: Path::Raster,
+                ..settings_of(case)
+            };
             let drawn = |scene: &mut DeviceScene| {
                 let outputs = outputs_of(case);
                 let mut renderer =
@@ -360,7 +364,7 @@ fn one_renderer_draws_frames_of_every_kind_as_a_new_one_does() {
 #[test]
 fn splats_above_the_devices_point_limit_are_drawn_whole() {
     let Some(device) = Device::open() else { return };
-    // Two points seen so near that their squares fill the picture.
+    // Two points seen so near that their squares fill the picture, and on a device with large points much more.
     let mesh = surfel::mesh::Mesh {
         positions: vec![
             glam::Vec3::new(-1.0, 0.0, 0.0),
@@ -375,9 +379,20 @@ fn splats_above_the_devices_point_limit_are_drawn_whole() {
     )
     .unwrap();
     let limit = device.gpu().info().max_point_size_px;
-    let view = orbit(&model, (600, 400), 20.0, 0.0, 1.0);
-    let largest = model.tree.leaves[0].radius * 2.0 * view.focal_px()
-        / view.distance(model.tree.leaves[0].center);
+    let side_at = |fill: f64| {
+        let view = orbit(&model, (600, 400), 20.0, 0.0, fill);
+        let distance = view.distance(model.tree.leaves[0].center);
+        (
+            model.tree.leaves[0].radius * 2.0 * view.focal_px() / distance,
+            view,
+        )
+    };
+    let fills = [1.0, 2.0, 3.0, 4.0, 6.0, 8.0];
+    let found = fills
+        .map(side_at)
+        .into_iter()
+        .find(|(side, _)| *side > limit);
+    let (largest, view) = found.unwrap_or_else(|| side_at(8.0));
     assert!(
         largest > limit,
         "the scene must ask for more than {limit} px, not {largest}"

@@ -114,13 +114,16 @@ fn check_times(profile: &FrameProfile, passes: &[&str], is_timed: bool) {
                 assert_eq!(t.of(stage), 0.0);
             }
         }
-        let counted: Vec<&str> = sample.counters.iter().map(|c| c.name).collect();
-        assert_eq!(counted, passes);
+        // A device with memory of its own makes its lists of numbers first.
+        let is_drawn = |name: &&str| !name.starts_with("lists.");
+        let counted = sample.counters.iter().map(|c| c.name).filter(is_drawn);
+        assert_eq!(counted.collect::<Vec<_>>(), passes);
         if !is_timed {
             assert!(t.passes.is_empty() && sample.plain_ms.is_none());
             continue;
         }
-        assert_eq!(t.passes.iter().map(|p| p.name).collect::<Vec<_>>(), passes);
+        let timed = t.passes.iter().map(|p| p.name).filter(is_drawn);
+        assert_eq!(timed.collect::<Vec<_>>(), passes);
         assert!(sample.plain_ms.unwrap() > 0.0);
         // Passes follow each other, inside of the frame on the device.
         let frame_ms = t.device.frame_ms.unwrap();

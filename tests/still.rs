@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Device, generated, orbit};
+use common::{Device, generated, is_software, orbit};
 use surfel::cut::SizeMetric;
 use surfel::generate::GeneratedShape;
 use surfel::gpu::DeviceOptions;
@@ -142,11 +142,11 @@ fn a_still_camera_is_not_cut_and_packed_again() {
                 let times = stand.draw(&view, &look);
                 assert_eq!(times.kept, KeptWork::Lists, "{what}");
                 assert_eq!(times.counts, first.counts, "{what}");
-                assert_eq!(
-                    times.uploaded_bytes + first.counts.draw_list_bytes,
-                    first.uploaded_bytes,
-                    "{what}: only uniform blocks"
-                );
+                // The first has another block where the device makes its lists of numbers.
+                let blocks = first.uploaded_bytes - first.counts.draw_list_bytes;
+                let fewer = blocks - times.uploaded_bytes;
+                assert!(fewer <= 256, "{what}: only uniform blocks");
+                assert!(!is_software(device) || fewer == 0, "{what}");
             }
             assert_eq!(stand.renderer.nodes_visited(), visited, "{what}");
             let wanted = fresh(device, &model, &view, &look);

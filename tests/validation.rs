@@ -21,7 +21,7 @@ fn clear_and_read(
     let mut frame = frames.begin().unwrap();
     let pass = frame
         .pass("test.clear")
-        .color(image, TargetLoad::Clear([1.0, 0.5, 0.25, 1.0]));
+        .color(image, TargetLoad::Clear([1.0, 0.6, 0.2, 1.0]));
     pass.draw(viewport, |_| {});
     frame.read_back("test.read", image, readback);
     let ticket = frame.submit().unwrap();
@@ -41,7 +41,7 @@ fn a_clean_pass_leaves_no_message_and_the_cleared_value() {
         readback
             .bytes()
             .chunks_exact(4)
-            .all(|p| p == [255, 128, 64, 255])
+            .all(|p| p == [255, 153, 51, 255])
     );
     assert_eq!(device.take_messages(), []);
 }

@@ -7,7 +7,7 @@ use super::{Failure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::bench::cases::CaseStandard;
-use surfel::bench::report::{csv, line, summary};
+use surfel::bench::report::{RunFacts, csv, line, summary};
 use surfel::bench::{
     BenchCase, BenchFigure, BenchSession, Error, Plan, accuracy, cuts, frames, growth, memory,
     pictures, rates, rivals,
@@ -145,12 +145,26 @@ fn dragon() -> Option<PathBuf> {
 }
 
 /// The figures so far, printed as they come.
-struct Figures {
+struct Figures<'a> {
     all: Vec<BenchFigure>,
     prints: bool,
+    /// The file of rows.
+    csv: Option<&'a Path>,
+    about: RunFacts,
 }
 
-impl Figures {
+impl Figures<'_> {
+    /// Writes the rows so far. A device or a pipe gets them once: at the end.
+    fn save(&self, is_end: bool) -> Outcome {
+        let Some(path) = self.csv else { return Ok(()) };
+        let is_file = path != Path::new("-") && (path.is_file() || !path.exists());
+        if is_file || is_end {
+            let rows = csv(&self.about, &self.all).map_err(|e| Failure::Run(e.into()))?;
+            write_text(path, &rows)?;
+        }
+        Ok(())
+    }
+
     fn add(&mut self, title: &str, figures: Vec<BenchFigure>) -> Outcome {
         if self.prints && !figures.is_empty() {
             let mut text = format!("\n{title}\n");
@@ -161,7 +175,8 @@ impl Figures {
             print(&text)?;
         }
         self.all.extend(figures);
-        Ok(())
+        // A run that is ended from outside keeps what was measured.
+        self.save(false)
     }
 }
 
@@ -183,23 +198,22 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let folder = store::folder();
     let session = BenchSession::open(gpu, folder.as_deref())?;
     let about = session.about(args.words());
-    let mut figures = Figures {
-        all: Vec::new(),
-        prints: args.csv.as_deref() != Some(Path::new("-")),
-    };
     let of_device = rates::calibration(&session);
     let head = format!(
         "surfel {} on {}, {}, {} threads; {}",
         about.version, about.device, about.driver, about.threads, about.settings
     );
+    let mut figures = Figures {
+        all: Vec::new(),
+        prints: args.csv.as_deref() != Some(Path::new("-")),
+        csv: args.csv.as_deref(),
+        about,
+    };
     figures.add(&head, of_device)?;
     let measured = models(&args, &session, &plan, &mut figures, &bar);
     drop(bar);
     // What is measured is kept, whatever ended the run.
-    if let Some(path) = &args.csv {
-        let rows = csv(&about, &figures.all).map_err(|e| Failure::Run(e.into()))?;
-        write_text(path, &rows)?;
-    }
+    figures.save(true)?;
     measured.map_err(|failure| with_hint(failure, &args))?;
     if figures.prints {
         print(&format!("\n{}", summary(&figures.all)))?;
@@ -281,7 +295,7 @@ fn models(
     args: &Args,
     session: &BenchSession,
     plan: &Plan,
-    figures: &mut Figures,
+    figures: &mut Figures<'_>,
     bar: &Bar,
 ) -> Outcome {
     let sources = sources(args);
@@ -346,7 +360,7 @@ fn models(
 }
 
 /// Default pictures of the scenes of the stability table, and of a blade thinner than a pixel.
-fn scenes(session: &BenchSession, figures: &mut Figures, bar: &Bar) -> Outcome {
+fn scenes(session: &BenchSession, figures: &mut Figures<'_>, bar: &Bar) -> Outcome {
     let entries = surfel::scenes::ALL;
     bar.stage("pictures of scenes", entries.len() as u64);
     let mut found = Vec::new();
@@ -379,7 +393,7 @@ fn grow(
     args: &Args,
     session: &BenchSession,
     plan: &Plan,
-    figures: &mut Figures,
+    figures: &mut Figures<'_>,
     bar: &Bar,
 ) -> Outcome {
     let scale = |n: u64| {

@@ -169,8 +169,8 @@ pub(crate) fn run(args: Args) -> Outcome {
         );
         let _ = writeln!(
             out,
-            "   largest picture side {} px, largest point {} px, {} sub-pixel bits",
-            d.max_image_side, d.max_point_size_px, d.subpixel_bits
+            "   largest picture side {} px, largest point {} px in steps of {} px, {} sub-pixel bits",
+            d.max_image_side, d.max_point_size_px, d.point_step_px, d.subpixel_bits
         );
         let _ = writeln!(
             out,

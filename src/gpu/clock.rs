@@ -164,6 +164,7 @@ mod tests {
             has_pipeline_statistics: true,
             has_sample_counts: true,
             max_point_size_px: 1.0,
+            point_step_px: 0.0,
             max_image_side: 1,
             max_mapped_side: 1,
             max_storage_range: 1,

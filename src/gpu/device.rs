@@ -331,6 +331,7 @@ fn inspect(
         has_pipeline_statistics: core.pipeline_statistics_query == vk::TRUE,
         has_sample_counts: core.occlusion_query_precise == vk::TRUE,
         max_point_size_px: p.limits.point_size_range[1],
+        point_step_px: p.limits.point_size_granularity,
         max_image_side: p
             .limits
             .max_image_dimension2_d

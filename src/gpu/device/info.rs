@@ -43,6 +43,8 @@ pub struct DeviceInfo {
     pub has_sample_counts: bool,
     /// Largest size of a point, pixels.
     pub max_point_size_px: f32,
+    /// Step that sizes of points are rounded to, pixels; 0: every size is there.
+    pub point_step_px: f32,
     /// Largest picture side, pixels.
     pub max_image_side: u32,
     /// The same of pictures that the host writes in mapped memory; 0: there are none.
