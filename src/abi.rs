@@ -466,6 +466,7 @@ same_layout!(
     snap = SNAP,
     focal_px = FOCAL_PX,
     are_samples = ARE_SAMPLES,
+    compute_ratio = COMPUTE_RATIO,
 );
 mod device_cut;
 mod photos;
@@ -482,6 +483,9 @@ const _: () = {
             && std::mem::offset_of!(CutCounters, visited) == block::VISITED
             && std::mem::offset_of!(CutCounters, outside) == block::OUTSIDE
             && std::mem::offset_of!(CutCounters, facing_away) == block::FACING_AWAY
+            && std::mem::offset_of!(CutCounters, small) == block::SMALL
+            && std::mem::offset_of!(CutCounters, splat_groups) == block::SPLAT_GROUPS
+            && std::mem::offset_of!(CutCounters, small_groups) == block::SMALL_GROUPS
             && size_of::<CutCounters>() == block::END,
         "abi::CutCounters is not what the shaders have"
     );

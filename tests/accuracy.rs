@@ -89,11 +89,13 @@ fn the_unit_sphere_matches_its_closed_form() {
                 worst = worst.max((found - expected).abs());
                 checked += 1;
                 if method == Method::Triangles {
+                    // A graphics card interpolates with fewer places.
+                    let rounding = if common::is_card() { 0.7 } else { 0.52 };
                     // Half a level of rounding, the packed normal (3.4e-5 rad), and interpolation on chords of
                     // 2 pi / 1000: far below a tenth of a level; steep near the rim.
                     let steep = 0.02 / (1.0 - (r / radius).powi(2)).sqrt();
                     assert!(
-                        (found - expected).abs() <= 0.52 + steep,
+                        (found - expected).abs() <= rounding + steep,
                         "d = {d}, pixel {i}: {found} against {expected}"
                     );
                     let depth = f64::from(image.depth[i]);

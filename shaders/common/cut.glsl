@@ -50,6 +50,8 @@ layout(set = 0, binding = 0, std140) uniform CutConstants {
     float focal_px;
     // Whether splats are one pixel, drawn where balls contain its center.
     uint are_samples;
+    // 2 f / the largest triangle that compute draws, pixels; 0: the rasterizer draws all.
+    float compute_ratio;
 } cut;
 
 // Mirrored by `abi::CutCounters`: commands that the device makes for itself, then counts.
@@ -76,6 +78,11 @@ layout(set = 0, binding = 1, std430) buffer Counters {
     uint visited;
     uint outside;
     uint facing_away;
+    // Triangles that compute draws.
+    uint small;
+    // Dispatches over the splats and over the small triangles.
+    uint splat_groups[3];
+    uint small_groups[3];
 } counters;
 
 // Siblings that are to be looked at: the first one; in the lowest byte of the other word how many they are, above it what

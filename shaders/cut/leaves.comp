@@ -1,5 +1,6 @@
 #version 460
-// Pass cut.leaves: small leaves are splats, large ones triangles, whose corners are listed. An invocation does one leaf.
+// Pass cut.leaves: small leaves are splats, large ones triangles, whose corners are listed: from the start of the list those
+// that compute draws, and from its end the others. An invocation does one leaf.
 #include "common/cut_lists.glsl"
 #include "common/patch.glsl"
 #include "common/tree.glsl"
@@ -22,6 +23,17 @@ layout(set = 0, binding = 7, std430) writeonly buffer Indices {
     uint indices[];
 };
 
+// How many triangles of a workgroup compute draws, and where they go.
+shared uint own_small;
+shared uint small_at;
+
+// Whether compute draws the triangle in a ball: it is a few pixels large, and before the near plane.
+bool is_for_compute(Ball ball) {
+    float front = ball.depth - ball.radius;
+    float limit = cut.is_perspective != 0u ? front : 1.0;
+    return cut.compute_ratio > 0.0 && front > cut.near && ball.radius * cut.compute_ratio <= limit;
+}
+
 // Whether the triangle surely faces away. What single precision cannot tell is seen edge-on, and stays.
 bool is_away(vec3 a, vec3 b, vec3 c) {
     precise vec3 e = (b - a) * cut.unit;
@@ -36,6 +48,9 @@ bool is_away(vec3 a, vec3 b, vec3 c) {
 }
 
 void main() {
+    if (gl_LocalInvocationIndex == 0u) {
+        own_small = 0u;
+    }
     begin_group();
     uint group = ITEM / 4u;
     uint lane = ITEM % 4u;
@@ -67,11 +82,15 @@ void main() {
         is_splat = patch_of_leaf.area != 0.0;
     }
     uint splat = is_splat ? atomicAdd(own_splats, 1u) : 0u;
-    uint triangle = is_triangle ? atomicAdd(own_others, 1u) : 0u;
+    bool is_fine = is_triangle && is_for_compute(ball);
+    bool is_large = is_triangle && !is_fine;
+    uint triangle = is_large ? atomicAdd(own_others, 1u) : 0u;
+    uint fine = is_fine ? atomicAdd(own_small, 1u) : 0u;
     barrier();
     if (gl_LocalInvocationIndex == 0u) {
         splats_at = atomicAdd(counters.splats, own_splats);
         others_at = atomicAdd(counters.indices, 3u * own_others) / 3u;
+        small_at = atomicAdd(counters.small, own_small);
         add_counts();
     }
     barrier();
@@ -79,8 +98,10 @@ void main() {
         splats[splats_at + splat] =
             SplatRecord(float[3](center.x, center.y, center.z), 0.0, patch_of_leaf.normal, patch_of_leaf.color);
     }
-    uint at = others_at + triangle;
-    if (is_triangle && at < cut.most_triangles) {
+    uint number = is_fine ? small_at + fine : others_at + triangle;
+    uint room = uint(indices.length()) / 3u;
+    uint at = is_fine ? number : room - 1u - number;
+    if (is_triangle && number < cut.most_triangles) {
         indices[3u * at] = index.x;
         indices[3u * at + 1u] = index.y;
         indices[3u * at + 2u] = index.z;

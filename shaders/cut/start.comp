@@ -26,5 +26,6 @@ void main() {
     counters.visited = 0u;
     counters.outside = 0u;
     counters.facing_away = 0u;
+    counters.small = 0u;
     root[0] = uvec2(0u, 1u | (cut.start << COUNT_BITS));
 }

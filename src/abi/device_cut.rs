@@ -67,6 +67,8 @@ pub struct CutConstants {
     pub focal_px: f32,
     /// 1 where splats are one pixel, drawn where their balls contain its center.
     pub are_samples: u32,
+    /// 2 f / the largest triangle that compute draws, pixels; 0 where the rasterizer draws all.
+    pub compute_ratio: f32,
 }
 
 /// What these passes write beside the lists: the storage block `Counters` there.
@@ -89,4 +91,10 @@ pub struct CutCounters {
     pub outside: u32,
     /// Of those, dropped because facing away.
     pub facing_away: u32,
+    /// Triangles that compute draws.
+    pub small: u32,
+    /// A dispatch over the splats: workgroups.
+    pub splat_groups: [u32; 3],
+    /// A dispatch over the small triangles.
+    pub small_groups: [u32; 3],
 }

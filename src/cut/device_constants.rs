@@ -94,6 +94,7 @@ impl NodeTester {
             snap: centers.snap_px,
             focal_px: centers.focal_px(),
             are_samples: u32::from(self.threshold_px <= 1.0),
+            compute_ratio: 0.0,
         }
     }
 }

@@ -32,6 +32,16 @@ impl PassBuilder<'_> {
     }
 }
 
+impl PassBuilder<'_> {
+    /// Reads the arguments of dispatches from a buffer that an earlier pass wrote.
+    #[must_use]
+    pub fn group_arguments(self, buffer: &dyn AnyBuffer) -> Self {
+        self.barriers.buffer(buffer, ResourceAccess::IndirectRead);
+        self.barriers.declared[2].push(buffer.handle());
+        self
+    }
+}
+
 impl DrawRecorder<'_> {
     /// Draws what the four words at `offset` of a declared buffer say: number of vertices and instances, first vertex and
     /// instance.
@@ -89,8 +99,9 @@ impl DrawRecorder<'_> {
 }
 
 impl ComputeRecorder<'_> {
-    /// Runs as many workgroups as the three words at `offset` (a multiple of 4) of a buffer say that a dispatch before it in
-    /// this pass wrote, and [`after`](ComputeRecorder::after) it. Each must be below what every device takes.
+    /// Runs as many workgroups as the three words at `offset` (a multiple of 4) of a buffer say. An earlier pass wrote them
+    /// ([`group_arguments`](PassBuilder::group_arguments)), or a dispatch before it in this pass, and
+    /// [`after`](ComputeRecorder::after) it. Each must be below what every device takes.
     ///
     /// # Panics
     /// When the words lie outside of the buffer, or the pass did not declare it.

@@ -182,6 +182,8 @@ pub(crate) struct FramePlan {
     pub(crate) primitives: PlannedPrimitives,
     /// Compute may draw small primitives.
     pub(crate) may_use_compute: bool,
+    /// Compute draws what the device chose, where it is small.
+    pub(crate) draws_cut_by_compute: bool,
     /// Draw lists name splats and triangles by numbers.
     pub(crate) uploads_ids: bool,
     /// Largest point that is drawn, pixels.
@@ -345,6 +347,11 @@ impl FramePlan {
                 are_quads: settings.method == Method::Points && vertex_px > cheapest_px,
             },
             may_use_compute,
+            draws_cut_by_compute: may_use_compute
+                && cut_place == CutPlace::Device
+                // A graphics card takes 2 to 7 ns to set a primitive up, and a hundredth of that by compute
+                // (docs/PERFORMANCE.md).
+                && (settings.path == Path::Compute || !capabilities.is_software),
             uploads_ids,
             max_point_px,
             largest_px,

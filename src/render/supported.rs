@@ -281,8 +281,6 @@ pub(crate) fn device_cut_refusal(
         Some("it knows opaque squares and discs of --method pop")
     } else if settings.footprint() == Footprint::Oriented || settings.size != SizeMetric::Exact {
         Some("it knows squares and discs of one size, by --metric exact")
-    } else if settings.path == Path::Compute {
-        Some("the rasterizer draws what it chose; leave --path compute out")
     } else if settings.threshold_px < 1.0 {
         Some("it knows no splats below a pixel; use a threshold of at least 1")
     } else if settings.holds_cut() {

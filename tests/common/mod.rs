@@ -8,7 +8,7 @@ pub(crate) mod pictures;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::gpu::messages::LayerMessages;
 use surfel::gpu::{DeviceOptions, Gpu};
@@ -18,6 +18,15 @@ use surfel::tree::{self, BuildOptions, Model};
 
 /// Of the device that was opened last; 8 before one is.
 static SUBPIXEL_BITS: AtomicU32 = AtomicU32::new(8);
+
+/// Whether the device that was opened last is a graphics card.
+static IS_CARD: AtomicBool = AtomicBool::new(false);
+
+/// Tells whether the device of this test is a graphics card. Such a one snaps sizes of points to steps (1/16 pixel on an NVIDIA
+/// H200), interpolates with fewer places, and rounds quotients and roots otherwise than the processor.
+pub(crate) fn is_card() -> bool {
+    IS_CARD.load(Ordering::Relaxed)
+}
 
 /// Bits of a pixel to which the device of this test snaps positions. All tests of a process have the same device.
 pub(crate) fn subpixel_bits() -> u32 {
@@ -45,6 +54,7 @@ impl Device {
         match Gpu::open(&options) {
             Ok(gpu) => {
                 SUBPIXEL_BITS.store(gpu.info().subpixel_bits, Ordering::Relaxed);
+                IS_CARD.store(!gpu.info().is_cpu(), Ordering::Relaxed);
                 Some(Self {
                     messages: gpu.messages().clone(),
                     gpu: Some(gpu),

@@ -289,7 +289,7 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
             s.eye_dome = EyeDome::On;
         }),
         with(case("gradient", Pop, Square, 2.0), &|s| {
-            (s.background, s.background_bottom) = ([0.9, 0.6, 0.3], Some([0.0, 0.1, 0.3]));
+            (s.background, s.background_bottom) = ([0.8, 0.6, 0.2], Some([0.0, 0.1, 0.3]));
         }),
         with(case("overdraw", Pop, Square, 3.0), &|s| {
             s.color_by = ColorBy::Overdraw;

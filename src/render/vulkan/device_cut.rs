@@ -2,8 +2,9 @@
 //!
 //! `cut.tree` goes down level by level ([`crate::cut::CutSelector`] does the same on the host): an invocation a node, a queue
 //! of sibling groups a level, and each level tells how many workgroups the next one has. What is small is written to the
-//! list of splats at once. `cut.leaves` writes the others, and the corners of triangles. Both lists are drawn by arguments
-//! that the passes left beside them. Related: Schütz, Kerbl and Wimmer, *Rendering Point Clouds with Compute Shaders and
+//! list of splats at once. `cut.leaves` writes the others, and the corners of triangles: from the start of their list those of
+//! a few pixels, from its end the others. `cut.close` counts. The rasterizer or compute
+//! ([`crate::render::vulkan::opaque::compute`]) draws the lists by arguments that the passes left beside them. Related: Schütz, Kerbl and Wimmer, *Rendering Point Clouds with Compute Shaders and
 //! Vertex Order Optimization* (2021), where nodes are chosen on the device too.
 //!
 //! It chooses what the host chooses, by the same operations in the same order; but for triangles that single precision
@@ -18,8 +19,10 @@ use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
+use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
 use crate::render::vulkan::device_tree;
 use crate::render::vulkan::device_tree::DeviceTree;
+use crate::render::vulkan::opaque::compute::ChosenLists;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::targets::{Context, FrameTargets};
@@ -41,11 +44,16 @@ pub(crate) struct DeviceCut {
     counters: DeviceBuffer,
     start: ShaderPipeline,
     next: ShaderPipeline,
+    close: ShaderPipeline,
     of_nodes: ShaderPipeline,
     of_leaves: ShaderPipeline,
     /// What the frame of each slot counted.
     read: Vec<ReadbackBuffer>,
 }
+
+/// Room of the lists for copies that fill up the workgroups of a dispatch: 64 invocations each, and one workgroup less than there
+/// are rows of them, which 2^31 records have 512 of.
+const SPARE_RECORDS: u64 = 512 * 64;
 
 /// Number of bytes of so many records, of one at least.
 fn bytes_of<T>(count: usize) -> u64 {
@@ -73,8 +81,8 @@ impl DeviceCut {
         let most_triangles = model.triangles.len();
         let groups = (0..tree.level_count()).map(|level| tree.level(level).len());
         let queue = bytes_of::<[u32; 2]>(groups.max().unwrap_or(0));
-        let splats = most_splats.max(1) * size_of::<Splat>() as u64;
-        let indices = bytes_of::<[u32; 3]>(most_triangles);
+        let splats = (most_splats + SPARE_RECORDS) * size_of::<Splat>() as u64;
+        let indices = bytes_of::<[u32; 3]>(most_triangles + SPARE_RECORDS as usize);
         device_tree::fits_bindings(gpu, [queue, splats, indices])?;
         device_tree::fits_memory(gpu, on_device.bytes() + 2 * queue + splats + indices)?;
         let pipeline = |name, shader| ShaderPipeline::compute(gpu, name, shader, &[]);
@@ -99,6 +107,7 @@ impl DeviceCut {
             counters: list("counts of the device's cut", counters)?,
             start: pipeline("cut.start", &shaders::CUT_START_COMP)?,
             next: pipeline("cut.next", &shaders::CUT_NEXT_COMP)?,
+            close: pipeline("cut.close", &shaders::CUT_CLOSE_COMP)?,
             of_nodes: pipeline("cut.nodes", &shaders::CUT_NODES_COMP)?,
             of_leaves: pipeline("cut.leaves", &shaders::CUT_LEAVES_COMP)?,
             read: (0..slots)
@@ -110,10 +119,23 @@ impl DeviceCut {
         })
     }
 
-    /// What the passes know, of a frame's tester and view.
-    pub(crate) fn constants(&self, tester: &cut::NodeTester, view: &View) -> CutConstants {
+    /// What the passes know, of a frame's tester and view, with this threshold. `by_compute`: compute draws what is small.
+    pub(crate) fn constants(
+        &self,
+        tester: &cut::NodeTester,
+        view: &View,
+        (threshold_px, by_compute): (f32, bool),
+    ) -> CutConstants {
         let precision = (view, self.subpixel_bits);
-        tester.constants(precision, self.most_splats, self.most_triangles)
+        let usual = tester.constants(precision, self.most_splats, self.most_triangles);
+        let compute_ratio = match by_compute {
+            true => usual.ratio * threshold_px / LARGEST_TRIANGLE_PX,
+            false => 0.0,
+        };
+        CutConstants {
+            compute_ratio,
+            ..usual
+        }
     }
 
     /// Passes `cut.tree` and `cut.leaves`: replaces the lists.
@@ -191,6 +213,10 @@ impl DeviceCut {
                     ],
                 );
                 compute.groups_from(&self.counters, workgroups);
+                compute.after();
+                let lists = [counters, whole(&self.splats), whole(&self.indices)];
+                compute.bind(&self.close, &[constants], &lists);
+                compute.items(1);
             });
         self.count(frame);
     }
@@ -202,11 +228,24 @@ impl DeviceCut {
         }
     }
 
-    /// Passes `hybrid.triangles`, which clears the targets, and `hybrid.splats`: what is in the lists.
-    pub(crate) fn draw(
+    /// The lists as compute draws them.
+    pub(crate) fn lists(&self) -> ChosenLists<'_> {
+        let at = |offset: usize| (&self.counters, offset as u64);
+        ChosenLists {
+            splats: &self.splats,
+            most_splats: self.most_splats + SPARE_RECORDS as u32,
+            corners: &self.indices,
+            most_triangles: self.most_triangles + SPARE_RECORDS as u32,
+            splat_groups: at(std::mem::offset_of!(CutCounters, splat_groups)),
+            triangle_groups: at(std::mem::offset_of!(CutCounters, small_groups)),
+        }
+    }
+
+    /// Pass `hybrid.triangles`, which clears the targets: the triangles that compute does not draw.
+    pub(crate) fn draw_triangles(
         &self,
         frame: &mut FrameRecorder<'_>,
-        (triangles, splats): (&ShaderPipeline, &OpaqueSplats),
+        triangles: &ShaderPipeline,
         (targets, scene): (&FrameTargets, &DeviceScene),
         context: &Context,
         constants: UniformBlock,
@@ -227,6 +266,17 @@ impl DeviceCut {
                 let offset = std::mem::offset_of!(CutCounters, triangles) as u64;
                 draw.draw_indexed_from(&self.counters, offset);
             });
+    }
+
+    /// Pass `hybrid.splats`, after the triangles: the splats by the rasterizer.
+    pub(crate) fn draw_splats(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        splats: &OpaqueSplats,
+        targets: &FrameTargets,
+        context: &Context,
+        constants: UniformBlock,
+    ) {
         let arguments = (
             &self.counters,
             std::mem::offset_of!(CutCounters, splats) as u64,
@@ -306,8 +356,8 @@ mod tests {
         gpu: &Arc<Gpu>,
         (model, scene): (&Model, &DeviceScene),
         view: &View,
-        settings: &Settings,
-    ) -> (Vec<Splat>, Vec<[u32; 3]>, CutCounters) {
+        (settings, by_compute): (&Settings, bool),
+    ) -> (Vec<Splat>, [Vec<[u32; 3]>; 2], CutCounters) {
         let mut frames = FrameRing::new(gpu, 1, false).unwrap();
         let tree = DeviceTree::new(gpu, model, scene).unwrap();
         let mut cut = DeviceCut::new(gpu, &tree, (model, scene), 1).unwrap();
@@ -317,7 +367,8 @@ mod tests {
         // Twice: the lists of the last frame are replaced.
         for _ in 0..2 {
             let mut frame = frames.begin().unwrap();
-            let constants = frame.uniform(&cut.constants(&tester, view)).unwrap();
+            let how = (settings.threshold_px, by_compute);
+            let constants = frame.uniform(&cut.constants(&tester, view, how)).unwrap();
             cut.choose(&mut frame, (&tree, scene), constants);
             frame.read_back_buffer("splats", &cut.splats, &splats);
             frame.read_back_buffer("corners", &cut.indices, &corners);
@@ -327,12 +378,53 @@ mod tests {
         let counts = cut.counts(0);
         assert!(u64::from(counts.splats[0]) <= u64::from(cut.most_splats));
         let splats = bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut splats));
-        let corners = bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut corners));
+        let corners: Vec<[u32; 3]> =
+            bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut corners));
+        let first = counts.triangles[2] as usize / 3;
+        assert_eq!(
+            3 * corners.len() as u32,
+            counts.triangles[0] + counts.triangles[2]
+        );
+        check_copies(&splats, counts.splats[0], counts.splat_groups);
+        check_copies(&corners, counts.small, counts.small_groups);
         (
             splats[..counts.splats[0] as usize].to_vec(),
-            corners[..counts.triangles[0] as usize / 3].to_vec(),
+            [
+                corners[..counts.small as usize].to_vec(),
+                corners[first..].to_vec(),
+            ],
             counts,
         )
+    }
+
+    /// Compute draws no triangle of more than its limit, and all of clearly less, however they are turned.
+    fn check_sizes(view: &View, model: &Model, [small, large]: [&[[u32; 3]]; 2], by_compute: bool) {
+        let size_px = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(|i| model.vertices[i as usize].position);
+            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+            let nearest = [a, b, c].map(|at| splats::pixels_of_unit(view, at));
+            longest * nearest.into_iter().fold(0.0, f32::max)
+        };
+        assert!(by_compute || small.is_empty());
+        let largest = small.iter().map(size_px).fold(0.0, f32::max);
+        assert!(largest <= LARGEST_TRIANGLE_PX * 1.01, "{largest} px");
+        // The ball around a triangle is at most twice as wide as its longest side.
+        let tiny = |t: &&[u32; 3]| size_px(t) < LARGEST_TRIANGLE_PX / 2.1;
+        let tiny = large.iter().filter(tiny).count();
+        assert!(!by_compute || tiny == 0, "{tiny} of {}", large.len());
+    }
+
+    /// Workgroups of a dispatch hold all records, and what they have room for besides is copies of the first.
+    fn check_copies<T: bytemuck::Pod + PartialEq + std::fmt::Debug>(
+        records: &[T],
+        count: u32,
+        [columns, rows, layers]: [u32; 3],
+    ) {
+        let end = 64 * columns * rows;
+        assert!(layers == 1 && end >= count && end - count < 64 * rows);
+        for copy in &records[count as usize..end as usize] {
+            assert_eq!(*copy, records[0]);
+        }
     }
 
     /// The device chooses the very nodes, rows, leaves and triangles that the host chooses, and writes the same records; what it
@@ -411,8 +503,11 @@ mod tests {
                         .iter()
                         .map(|&id| model.triangles[id as usize])
                         .collect();
-                    let (splats, triangles, counts) =
-                        chosen(&gpu, (&model, &scene), view, &settings);
+                    let how = (&settings, index % 2 == 0);
+                    let (splats, [small, large], counts) =
+                        chosen(&gpu, (&model, &scene), view, how);
+                    check_sizes(view, &model, [&small, &large], how.1);
+                    let triangles = [small, large].concat();
                     kinds[0] += cut.nodes.len();
                     kinds[1] += cut.strips.len();
                     kinds[2] += cut.leaves.len();

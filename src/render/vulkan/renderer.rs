@@ -116,7 +116,7 @@ pub struct VulkanRenderer {
     by_id: Option<IdExpansion>,
     device_cut: Option<DeviceCut>,
     /// What its lists are of.
-    held_on_device: Option<(u64, CutKey)>,
+    held_on_device: Option<(u64, CutKey, bool)>,
     /// The scene whose cuts do not fit the device, and the one whose tree does not.
     too_large: [Option<u64>; 2],
     triangles: Option<(TriangleVariant, ShaderPipeline)>,
@@ -379,7 +379,7 @@ impl VulkanRenderer {
             times.counts = FrameCounts {
                 nodes_visited: u64::from(counts.visited),
                 splats: u64::from(counts.splats[0]),
-                triangles: u64::from(counts.triangles[0] / 3),
+                triangles: u64::from(counts.triangles[0] / 3 + counts.small),
                 ..FrameCounts::default()
             };
             if times.kept != KeptWork::Lists {

@@ -3,7 +3,7 @@
 use crate::abi::{ListConstants, Splat};
 use crate::gpu::Error;
 use crate::gpu::bind::BufferSlice;
-use crate::gpu::buffer::AnyBuffer;
+use crate::gpu::buffer::{AnyBuffer, DeviceBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
@@ -24,6 +24,15 @@ pub(crate) struct ComputeList<'a> {
     pub(crate) variant: ComputeVariant,
     /// Parts of the picture in which anything can be.
     pub(crate) areas: &'a [[u32; 4]],
+    /// Where the device wrote how many workgroups draw the lists; then the counts are those that there is room for.
+    pub(crate) groups: Option<ListGroups<'a>>,
+}
+
+/// Buffers with arguments of dispatches, and at which byte.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ListGroups<'a> {
+    pub(crate) splats: (&'a DeviceBuffer, u64),
+    pub(crate) triangles: (&'a DeviceBuffer, u64),
 }
 
 /// Triangles of a scene: their corner indices, page by page.

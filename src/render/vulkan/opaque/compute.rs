@@ -8,7 +8,7 @@
 //! the near plane, goes to the rasterizer.
 
 pub(crate) use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
-use crate::render::vulkan::storage_ranges::ComputeList;
+use crate::render::vulkan::storage_ranges::{ComputeList, ListGroups};
 
 use crate::abi::shaders;
 use crate::abi::specialization::{ARE_DISCS, LOOKS_FIRST, SIDE_PX};
@@ -23,10 +23,24 @@ use crate::pack::Footprint;
 use crate::render::compute_limits::storage_bytes;
 use crate::render::screen_bounds;
 use crate::render::technique::Technique;
+use crate::render::vulkan::opaque::triangle_runs::PageRange;
 use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::storage_ranges::BoundItems;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
+
+/// Lists that the device wrote, of one page of a scene, with room for so many records; and where it left the workgroups that
+/// draw them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ChosenLists<'a> {
+    pub(crate) splats: &'a DeviceBuffer,
+    pub(crate) most_splats: u32,
+    pub(crate) corners: &'a DeviceBuffer,
+    pub(crate) most_triangles: u32,
+    pub(crate) splat_groups: (&'a DeviceBuffer, u64),
+    pub(crate) triangle_groups: (&'a DeviceBuffer, u64),
+}
 
 /// Pipelines and the buffer of the nearest, for one picture size.
 #[derive(Debug)]
@@ -123,6 +137,41 @@ impl ComputeRasterizer {
         Ok(())
     }
 
+    /// The passes of [`ComputeRasterizer::record`] for lists that the device chose, after the large triangles: over the whole
+    /// rectangle that something may be drawn in, and with as many workgroups as the lists ask for.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants.
+    pub(crate) fn record_chosen(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        ((lists, variant), scene): ((ChosenLists<'_>, ComputeVariant), &DeviceScene),
+        context: &Context,
+        constants: UniformBlock,
+    ) -> Result<(), Error> {
+        let run = PageRange {
+            page: 0,
+            first: 0,
+            count: 3 * lists.most_triangles,
+        };
+        let list = ComputeList {
+            scene,
+            corners: lists.corners,
+            runs: &[run],
+            splats: lists.splats,
+            splat_count: lists.most_splats,
+            sample_count: 0,
+            variant,
+            areas: &[context.rect_px],
+            groups: Some(ListGroups {
+                splats: lists.splat_groups,
+                triangles: lists.triangle_groups,
+            }),
+        };
+        self.record(frame, targets, list, (context, false), constants)
+    }
+
     /// Passes small.clear, small.triangles, small.splats and small.resolve.
     /// Keeps what the targets hold where it is nearer; where these passes are the first of the frame, that is nothing.
     ///
@@ -156,6 +205,9 @@ impl ComputeRasterizer {
             for vertices in list.scene.vertex_buffers() {
                 pass = pass.storage_read(vertices);
             }
+            if let Some(groups) = list.groups {
+                pass = pass.group_arguments(groups.triangles.0);
+            }
             pass.compute(|compute| {
                 for &((part, uniform, count), vertices) in triangles {
                     compute.bind(
@@ -163,7 +215,10 @@ impl ComputeRasterizer {
                         &[constants, uniform],
                         &[part, vertices, keys],
                     );
-                    compute.items(count);
+                    match list.groups {
+                        Some(groups) => compute.groups_from(groups.triangles.0, groups.triangles.1),
+                        None => compute.items(count),
+                    }
                 }
             });
         }
@@ -175,16 +230,22 @@ impl ComputeRasterizer {
                 };
                 pipeline
             };
-            frame
+            let mut pass = frame
                 .pass("small.splats")
                 .storage_read(list.splats)
-                .storage(&self.keys)
-                .compute(|compute| {
-                    for &(variant, (part, uniform, count)) in splats {
-                        compute.bind(pipeline(variant), &[constants, uniform], &[part, keys]);
-                        compute.items(count);
+                .storage(&self.keys);
+            if let Some(groups) = list.groups {
+                pass = pass.group_arguments(groups.splats.0);
+            }
+            pass.compute(|compute| {
+                for &(variant, (part, uniform, count)) in splats {
+                    compute.bind(pipeline(variant), &[constants, uniform], &[part, keys]);
+                    match list.groups {
+                        Some(groups) => compute.groups_from(groups.splats.0, groups.splats.1),
+                        None => compute.items(count),
                     }
-                });
+                }
+            });
         }
         let keys = (&self.keys as _, keys);
         self.resolve(

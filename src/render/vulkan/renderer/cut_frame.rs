@@ -144,6 +144,8 @@ impl VulkanRenderer {
             workload.blended(held.triangles + held.packed.quads, has_large)
         });
         let areas = match held.selection.has_splats_by_compute {
+            // A graphics card goes over a pixel sooner than it begins another draw.
+            true if !self.gpu.info().is_cpu() => vec![plan.context.rect_px],
             true => {
                 let margin_px = margin_px(plan.largest_px);
                 screen_bounds::areas(parts, &plan.view, plan.context.rect_px, margin_px)
@@ -294,6 +296,7 @@ impl<'a> CutPasses<'a> {
             sample_count: held.samples as u32,
             variant: ComputeVariant::of(plan),
             areas: self.areas,
+            groups: None,
         };
         let (targets, context) = (self.targets, &plan.context);
         let has_small = small.is_some() && !small_list.is_empty();

