@@ -12,6 +12,7 @@ use std::sync::Arc;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
+use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::photos::formats::read_scene;
 use surfel::photos::look::{LookSettings, look_at_pixel};
 use surfel::photos::scene::{CalibratedCamera, PhotoScene, SceneFormat, ScenePhoto};
@@ -22,7 +23,7 @@ use surfel::projective::frame_photos::{ComparedPhoto, FramePhotos, UNCOVERED, ph
 use surfel::projective::lens::{CameraLens, LensModel};
 use surfel::projective::surface_rays::SurfaceRays;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::{Culling, Method, PhotoDisplay, PictureOutputs, Settings, SplatKind};
+use surfel::render::{Culling, Method, Path, PhotoDisplay, PictureOutputs, Settings, SplatKind};
 use surfel::tree::{BuildOptions, Model};
 
 /// Size of the generated photographs, and of pictures from their poses.
@@ -639,8 +640,25 @@ fn a_renderer_that_keeps_lists_switches_photographs_on_and_off() {
     };
     let mut kept = engine();
     kept.keep_lists(true);
-    for method in [Method::Pop, Method::Triangles] {
-        let on = photographed(method);
+    // Patches are drawn by a pipeline of their own, which knows the targets of a frame.
+    let patches = PatchRules {
+        tolerances: ErrorTolerances {
+            rim_px: 0.25,
+            inside_px: 0.5,
+            shade_levels: 24.0,
+        },
+        is_strict: false,
+    };
+    let looks = [
+        photographed(Method::Pop),
+        photographed(Method::Triangles),
+        Settings {
+            patches: Some(patches),
+            path: Path::Raster,
+            ..photographed(Method::Pop)
+        },
+    ];
+    for on in looks {
         let off = Settings {
             photos: PhotoDisplay::Off,
             ..on
@@ -653,7 +671,7 @@ fn a_renderer_that_keeps_lists_switches_photographs_on_and_off() {
         for settings in [off, on, on, which, off, off, on] {
             let fresh = engine().render(&view, &settings).unwrap();
             let own = kept.render(&view, &settings).unwrap();
-            assert!(own.color == fresh.color, "{method:?} {:?}", settings.photos);
+            assert!(own.color == fresh.color, "{:?}", settings);
         }
     }
 }

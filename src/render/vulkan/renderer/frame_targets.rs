@@ -39,6 +39,7 @@ impl VulkanRenderer {
         self.remake_targets(size, normals)?;
         // Their pipelines write all targets.
         self.splats.clear();
+        (self.polygons, self.spare_polygons) = (None, Vec::new());
         self.lists.iter_mut().for_each(|lists| lists.held = None);
         Ok(())
     }
