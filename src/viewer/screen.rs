@@ -98,6 +98,17 @@ pub(super) struct FrameRequest<'r> {
     pub(super) work: Option<FrameWork>,
 }
 
+/// Changes of textures that no overlay has yet, since it could not be made.
+#[derive(Debug, Default)]
+struct WaitingTextures(egui::TexturesDelta);
+
+impl Drop for WaitingTextures {
+    fn drop(&mut self) {
+        // With the window goes what would show them.
+        self.0.clear();
+    }
+}
+
 /// Draws a model onto a window. Must be dropped before the window.
 #[derive(Debug)]
 pub(super) struct WindowScreen {
@@ -116,6 +127,7 @@ pub(super) struct WindowScreen {
     renderer: WindowRenderer,
     backend: WindowBackend,
     overlay: Option<WindowOverlay>,
+    textures: WaitingTextures,
     has_overlay: bool,
     surface: Option<WindowSurface>,
     gpu: Arc<Gpu>,
@@ -163,6 +175,7 @@ impl WindowScreen {
             renderer,
             backend,
             overlay: None,
+            textures: WaitingTextures::default(),
             has_overlay: false,
             surface,
             gpu: gpu.clone(),
@@ -195,14 +208,17 @@ impl WindowScreen {
         self.scene = None;
         let mut new = Self::new(gpu, window, self.vsync, self.backend)?;
         new.set_costs(self.costs);
-        if let Some(old) = self.overlay.take() {
-            let in_flight = new.renderer.in_flight();
-            new.overlay = Some(WindowOverlay::new(gpu, in_flight)?.with_textures_of(old));
+        if self.overlay.is_some() {
+            new.overlay = Some(WindowOverlay::new(gpu, new.renderer.in_flight())?);
         }
         let models = self.models();
         if !models.is_empty() {
             new.scene = Some(DeviceScene::of_models(gpu, &models)?);
         }
+        // Nothing fails from here on, and nothing is lost.
+        let overlays = new.overlay.take().zip(self.overlay.take());
+        new.overlay = overlays.map(|(made, old)| made.with_textures_of(old));
+        std::mem::swap(&mut new.textures, &mut self.textures);
         new.model = self.model.take();
         new.more = std::mem::take(&mut self.more);
         new.pages = std::mem::take(&mut self.pages);
@@ -336,16 +352,13 @@ impl WindowScreen {
 
     /// What covers the picture from the next frame on.
     pub(super) fn cover(&mut self, painted: PaintedOverlay) -> Result<(), Error> {
-        if self.overlay.is_none() {
-            self.overlay = Some(WindowOverlay::new(&self.gpu, self.renderer.in_flight())?);
-        }
-        if let Some(overlay) = &mut self.overlay {
-            overlay.set(
-                painted.primitives,
-                painted.textures,
-                painted.pixels_per_point,
-            );
-        }
+        self.textures.0.append(painted.textures);
+        let overlay = match &mut self.overlay {
+            Some(made) => made,
+            none => none.insert(WindowOverlay::new(&self.gpu, self.renderer.in_flight())?),
+        };
+        let textures = std::mem::take(&mut self.textures.0);
+        overlay.set(painted.primitives, textures, painted.pixels_per_point);
         Ok(())
     }
 
