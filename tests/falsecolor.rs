@@ -386,8 +386,12 @@ fn what_cannot_be_drawn_is_refused_by_name() {
             ),
         ];
         if matches!(backend, Backend::Device(_)) {
-            let path = Path::Compute;
-            cases.push((Settings { path, ..depth }, "drawing by compute"));
+            let blended = Settings {
+                splat: SplatKind::Gauss,
+                path: Path::Compute,
+                ..depth
+            };
+            cases.push((blended, "drawing by compute"));
         }
         for (settings, what) in cases {
             let size = (view.width, view.height);

@@ -10,6 +10,9 @@ layout(set = 0, binding = 3, std430) readonly buffer Nearest {
     uint64_t nearest[];
 };
 
+// Another light than the headlight, or data.
+layout(constant_id = 0) const bool HAS_LAMP = false;
+
 layout(location = 0) out vec4 color;
 #ifdef NORMALS
 layout(location = 1) out vec4 normal;
@@ -34,8 +37,15 @@ void main() {
     vec4 rgba = unpackUnorm4x8(splat.color);
     vec3 center = vec3(splat.center[0], splat.center[1], splat.center[2]);
     vec3 normal_in_model = rgba.a == 0.0 ? vec3(0.0) : octahedral_decode(code_of(splat));
-    vec3 to_light = normalize(frame.headlight.xyz - frame.headlight.w * center);
-    color = vec4(headlight(normal_in_model, to_light, rgba.rgb, vec3(1.0, 0.2, 0.2)), 1.0);
+    if (HAS_LAMP) {
+        // As splats are shaded that are rasterized.
+        vec3 center_in_view = (frame.view_from_model * vec4(center, 1.0)).xyz;
+        vec3 n = mat3(frame.view_from_model) * normal_in_model / frame.model_scale;
+        color = vec4(shade_at(center_in_view, n, rgba.rgb, vec3(1.0, 0.2, 0.2)), 1.0);
+    } else {
+        vec3 to_light = normalize(frame.headlight.xyz - frame.headlight.w * center);
+        color = vec4(headlight(normal_in_model, to_light, rgba.rgb, vec3(1.0, 0.2, 0.2)), 1.0);
+    }
 #ifdef NORMALS
     normal = vec4(normal_in_model, 1.0);
 #endif

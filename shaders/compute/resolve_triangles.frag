@@ -7,6 +7,9 @@ layout(set = 0, binding = 4, std430) readonly buffer Nearest {
     uint64_t nearest[];
 };
 
+// Another light than the headlight, or data.
+layout(constant_id = 0) const bool HAS_LAMP = false;
+
 layout(location = 0) out vec4 color;
 #ifdef NORMALS
 layout(location = 1) out vec4 normal;
@@ -22,9 +25,11 @@ void main() {
     }
     Small small = set_up(list.begin + item);
     Surface surface = surface_at(small, edges(small, pixel));
-    color = vec4(shade_pixel(false, gl_FragCoord, surface.normal, surface.color, TRIANGLE_TINT), 1.0);
+    float depth = uintBitsToFloat(uint(key >> 32));
+    vec4 frag_coord = vec4(gl_FragCoord.xy, depth, surface.inverse_w);
+    color = vec4(shade_pixel(HAS_LAMP, frag_coord, surface.normal, surface.color, TRIANGLE_TINT), 1.0);
 #ifdef NORMALS
     normal = vec4(surface.normal * mat3(frame.view_from_model) / frame.model_scale, 1.0);
 #endif
-    gl_FragDepth = uintBitsToFloat(uint(key >> 32));
+    gl_FragDepth = depth;
 }

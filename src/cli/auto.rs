@@ -10,14 +10,14 @@ use surfel::math::camera::View;
 use surfel::render::engine::Backend;
 use surfel::render::{Path, Settings};
 
-/// Settings drawn in the way of a choice. It was made in the headlight; where something else decides the color, compute cannot
+/// Settings drawn in the way of a choice. It was made of shaded pictures; where data decide the color, compute cannot
 /// draw all that it was chosen for, and draws what it can.
 fn with(choice: &Settings, settings: Settings) -> Settings {
     Settings {
         method: choice.method,
         splat: choice.splat,
         path: match choice.path {
-            Path::Compute if !settings.has_headlight() => Path::Auto,
+            Path::Compute if settings.color_by.is_data() => Path::Auto,
             path => path,
         },
         threshold_px: choice.threshold_px,

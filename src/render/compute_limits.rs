@@ -2,8 +2,8 @@
 
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::gpu::Error;
-use crate::pack::Footprint;
 use crate::pack::splats::SLACK_PX;
+use crate::pack::{ColorBy, Footprint};
 use crate::render::capabilities::RendererCapabilities;
 use crate::render::outputs::PictureOutputs;
 use crate::render::settings::{Method, Path, Settings, Shading, SplatKind};
@@ -96,8 +96,8 @@ pub(crate) fn may_use_compute(
 
 /// Why opaque splats are not drawn by compute.
 fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
-    if !settings.has_headlight() {
-        Some("it knows the headlight only, and no colors by level, normal or depth")
+    if settings.color_by == ColorBy::Overdraw {
+        Some("footprints are counted by the rasterizer; leave --path compute out")
     } else if settings.threshold_px <= largest_threshold_px(settings) {
         None
     } else if settings.splat == SplatKind::Ellipse {

@@ -125,7 +125,6 @@ const NEAR: [f64; 3] = [30.0, 20.0, 6.0];
 // Reasons of compute.
 const OF_A_TREE: &str = "it draws blended, filtered and visibility splats of a tree";
 const TOO_LARGE: &str = "squares and discs of this size are cheaper to rasterize";
-const HEADLIGHT_ONLY: &str = "it knows the headlight only, and no colors by level, normal or depth";
 const SUMS_COLORS: &str = "it sums colors, not normals";
 const NO_COUNTS: &str = "footprints are counted by the rasterizer";
 const ONE_PASS: &str = "it needs ordered access to a pixel";
@@ -258,19 +257,17 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
             s.light = lamp;
         })
         .no_compute(OF_A_TREE),
-        with(case("lamp", Pop, Square, 3.0), &|s| s.light = lamp).no_compute(HEADLIGHT_ONLY),
+        with(case("lamp", Pop, Square, 3.0), &|s| s.light = lamp),
         with(case("lamp-gauss", Pop, Gauss, 3.0), &|s| s.light = lamp).no_host(NOT_BLENDED),
         with(case("lamp-filtered", Pop, Filtered, 6.0), &|s| {
             s.light = lamp;
         }),
         with(case("studio", Pop, Square, 3.0), &|s| {
             s.light = Lighting::Sphere(LitSphere::Studio);
-        })
-        .no_compute(HEADLIGHT_ONLY),
+        }),
         with(case("clay", Pop, Disc, 3.0), &|s| {
             s.light = Lighting::Sphere(LitSphere::Clay);
-        })
-        .no_compute(HEADLIGHT_ONLY),
+        }),
         with(case("porcelain-filtered", Pop, Filtered, 6.0), &|s| {
             s.light = Lighting::Sphere(LitSphere::Porcelain);
         }),
@@ -300,15 +297,12 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
         .no_host(NOT_COUNTED),
         with(case("level", Pop, Square, 3.0), &|s| {
             s.color_by = ColorBy::Level;
-        })
-        .no_compute(HEADLIGHT_ONLY),
+        }),
         with(case("normal", Pop, Square, 3.0), &|s| {
             s.color_by = ColorBy::Normal;
-        })
-        .no_compute(HEADLIGHT_ONLY),
+        }),
         with(case("depth", Pop, Square, 3.0), &|s| {
             s.color_by = ColorBy::Depth;
-        })
-        .no_compute(HEADLIGHT_ONLY),
+        }),
     ]
 }

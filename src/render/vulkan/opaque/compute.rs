@@ -11,7 +11,7 @@ pub(crate) use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::storage_ranges::{ComputeList, ListGroups};
 
 use crate::abi::shaders;
-use crate::abi::specialization::{ARE_DISCS, LOOKS_FIRST, SIDE_PX};
+use crate::abi::specialization::{ARE_DISCS, HAS_LAMP, LOOKS_FIRST, SIDE_PX};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
@@ -42,6 +42,18 @@ pub(crate) struct ChosenLists<'a> {
     pub(crate) triangle_groups: (&'a DeviceBuffer, u64),
 }
 
+/// What shades what each pixel kept.
+#[derive(Debug)]
+struct ResolvePipelines {
+    /// Those of a frame in another light than the headlight, or that shows data; else none.
+    lamp_flags: Option<u32>,
+    splats: ShaderPipeline,
+    triangles: ShaderPipeline,
+}
+
+/// Variants of [`ResolvePipelines`] that are kept.
+const MOST_RESOLVE: usize = 8;
+
 /// Pipelines and the buffer of the nearest, for one picture size.
 #[derive(Debug)]
 pub(crate) struct ComputeRasterizer {
@@ -49,34 +61,54 @@ pub(crate) struct ComputeRasterizer {
     /// Those that were asked for.
     splats: Vec<(ComputeVariant, ShaderPipeline)>,
     triangles: ShaderPipeline,
-    resolve_splats: ShaderPipeline,
-    resolve_triangles: ShaderPipeline,
+    /// Those that were asked for, the last one last.
+    resolve: Vec<ResolvePipelines>,
     keys: DeviceBuffer,
     max_binding: u64,
+}
+
+impl ResolvePipelines {
+    /// # Errors
+    /// When a Vulkan call fails.
+    fn new(gpu: &Arc<Gpu>, lamp_flags: Option<u32>, targets: &FrameTargets) -> Result<Self, Error> {
+        let normals = targets.normal().is_some();
+        let pipeline = |name, fragment| {
+            let description = PipelineDescription {
+                name,
+                vertex: &shaders::COMPUTE_RESOLVE_VERT,
+                fragment: Some(fragment),
+                constants: &[HAS_LAMP.is(lamp_flags.is_some())],
+                record: VertexRecord::NOTHING,
+                topology: PrimitiveTopology::Triangles,
+                colors: targets.formats(),
+                depth: DepthMode::Nearest,
+                is_additive: false,
+            };
+            match lamp_flags {
+                // The headlight asks few of them.
+                None => ShaderPipeline::new(gpu, &description),
+                Some(flags) => ShaderPipeline::for_flags(gpu, &description, flags),
+            }
+        };
+        Ok(Self {
+            lamp_flags,
+            splats: pipeline(
+                "small.resolve splats",
+                shaders::COMPUTE_RESOLVE_SPLATS_FRAG.of(normals),
+            )?,
+            triangles: pipeline(
+                "small.resolve triangles",
+                shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG.of(normals),
+            )?,
+        })
+    }
 }
 
 impl ComputeRasterizer {
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
     pub(crate) fn new(gpu: &Arc<Gpu>, targets: &FrameTargets) -> Result<Self, Error> {
-        let normals = targets.normal().is_some();
         let (width, height) = (targets.color().width, targets.color().height);
-        let resolve = |name, fragment| {
-            ShaderPipeline::new(
-                gpu,
-                &PipelineDescription {
-                    name,
-                    vertex: &shaders::COMPUTE_RESOLVE_VERT,
-                    fragment: Some(fragment),
-                    constants: &[],
-                    record: VertexRecord::NOTHING,
-                    topology: PrimitiveTopology::Triangles,
-                    colors: targets.formats(),
-                    depth: DepthMode::Nearest,
-                    is_additive: false,
-                },
-            )
-        };
         Ok(Self {
             gpu: gpu.clone(),
             splats: Vec::new(),
@@ -86,14 +118,7 @@ impl ComputeRasterizer {
                 &shaders::COMPUTE_TRIANGLES_COMP,
                 &[],
             )?,
-            resolve_splats: resolve(
-                "small.resolve splats",
-                shaders::COMPUTE_RESOLVE_SPLATS_FRAG.of(normals),
-            )?,
-            resolve_triangles: resolve(
-                "small.resolve triangles",
-                shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG.of(normals),
-            )?,
+            resolve: Vec::new(),
             keys: DeviceBuffer::new(
                 gpu,
                 "nearest small primitives",
@@ -102,6 +127,28 @@ impl ComputeRasterizer {
             )?,
             max_binding: gpu.info().max_storage_range,
         })
+    }
+
+    /// Makes what shades pixels of frames in this light, outside of the frame; see [`ResolvePipelines`].
+    ///
+    /// # Errors
+    /// When a Vulkan call fails.
+    pub(crate) fn ensure_light(
+        &mut self,
+        lamp_flags: Option<u32>,
+        targets: &FrameTargets,
+    ) -> Result<(), Error> {
+        let made = self.resolve.iter();
+        let place = made.into_iter().position(|p| p.lamp_flags == lamp_flags);
+        let pipelines = match place {
+            Some(place) => self.resolve.remove(place),
+            None => ResolvePipelines::new(&self.gpu, lamp_flags, targets)?,
+        };
+        if self.resolve.len() == MOST_RESOLVE {
+            self.resolve.remove(0);
+        }
+        self.resolve.push(pipelines);
+        Ok(())
     }
 
     /// Makes the pipeline of splats of a variant, outside of the frame.
@@ -269,6 +316,9 @@ impl ComputeRasterizer {
         (context, is_first): (&Context, bool),
         constants: UniformBlock,
     ) {
+        let Some(resolve) = self.resolve.last() else {
+            unreachable!("ensure_light made the pipelines")
+        };
         let mut pass = targets
             .attach_after(frame.pass("small.resolve"), context, is_first)
             .fragment_storage(list.splats)
@@ -280,7 +330,7 @@ impl ComputeRasterizer {
         pass.draw_whole(|draw| {
             for &((part, uniform, _), vertices) in &items.triangles {
                 draw.bind_storage(
-                    &self.resolve_triangles,
+                    &resolve.triangles,
                     &[constants, uniform],
                     &[],
                     &[part, vertices, keys],
@@ -288,12 +338,7 @@ impl ComputeRasterizer {
                 raster_pass::cover(draw, list.areas);
             }
             for &(part, uniform, _) in &items.all {
-                draw.bind_storage(
-                    &self.resolve_splats,
-                    &[constants, uniform],
-                    &[],
-                    &[part, keys],
-                );
+                draw.bind_storage(&resolve.splats, &[constants, uniform], &[], &[part, keys]);
                 raster_pass::cover(draw, list.areas);
             }
         });

@@ -113,6 +113,9 @@ impl VulkanRenderer {
             };
             small.ensure(ComputeVariant::of(plan))?;
             small.ensure(ComputeVariant::SAMPLES)?;
+            let has_lamp = !plan.settings.has_headlight();
+            let lamp_flags = has_lamp.then_some(plan.constants.flags);
+            small.ensure_light(lamp_flags, &self.targets)?;
         }
         let variant = OpaqueSplats::variant_of(&plan.settings, plan.constants.flags);
         if self.splats.iter().all(|s| s.variant != variant) {
