@@ -16,10 +16,12 @@ use common::Device;
 use common::pictures::{GOLDEN_DEVICE, GOLDEN_PATCHES, GOLDEN_REFERENCE, PictureOracle};
 use std::path::{Path, PathBuf};
 use surfel::generate::{GeneratedShape, ShapeSpec};
-use surfel::gpu::Error;
+use surfel::gpu::device::DeviceKind;
+use surfel::gpu::{DeviceOptions, Error};
 use surfel::image::{FloatImage, Image, difference_picture};
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
+use surfel::render::cost::model::DrawCosts;
 use surfel::render::engine::{Backend, Engine};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -214,6 +216,53 @@ fn compute_draws_the_goldens() {
     }
     let backend = Backend::Vulkan(device.gpu().clone());
     draws_the_goldens(&backend, PictureExecutor::Compute, GOLDEN_DEVICE);
+}
+
+/// What is chosen for a device with memory of its own: lists of numbers, cuts on the device, drawn by compute. A software device
+/// is told that it is one, and that it cuts sooner than the host.
+#[test]
+fn what_a_graphics_card_is_asked_for_are_the_goldens() {
+    let options = DeviceOptions {
+        narrowed: Some(|info| info.kind = DeviceKind::Discrete),
+        ..DeviceOptions::default()
+    };
+    let Some(device) = Device::open_with(options) else {
+        return;
+    };
+    let backend = Backend::Vulkan(device.gpu().clone());
+    let cuts_sooner = DrawCosts {
+        node_ns: Some(4.0),
+        device_node_ns: Some(1.0),
+        ..DrawCosts::default()
+    };
+    let left = failures().join("Card");
+    let (mut by_ids, mut by_cut, mut wrong) = (0, 0, Vec::new());
+    for (model_name, model) in models() {
+        for costs in [None, Some(cuts_sooner)] {
+            let mut engine =
+                Engine::new(&backend, &model, (SIDE, SIDE), PictureOutputs::default()).unwrap();
+            engine.set_costs(costs);
+            for case in cases() {
+                let refused = case.refusal(PictureExecutor::Hardware).is_some();
+                if refused || !case.is_kept_of(model_name) {
+                    continue;
+                }
+                let [azimuth, elevation, fill] = case.orbit;
+                let view = common::orbit(&model, (SIDE, SIDE), azimuth, elevation, fill);
+                let times = engine.draw(&view, &case.settings).unwrap();
+                let has = |name: &str| times.passes.iter().any(|pass| pass.name.starts_with(name));
+                by_ids += usize::from(has("lists."));
+                by_cut += usize::from(has("cut.tree"));
+                let image = engine.read(&view).unwrap();
+                let name = format!("{model_name}-{}", case.name);
+                let verdict = judge(&goldens(), &name, &image, GOLDEN_DEVICE, &left);
+                wrong.extend(verdict.err());
+            }
+        }
+    }
+    println!("{by_ids} pictures of lists of numbers, {by_cut} of cuts on the device");
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(by_ids >= 20 && by_cut >= 10, "{by_ids}, {by_cut}");
 }
 
 #[test]

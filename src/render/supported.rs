@@ -8,7 +8,8 @@ use crate::progress::Silent;
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::technique::Technique;
 use crate::render::{
-    AmbientOcclusion, Blend, EyeDome, Method, Path, PictureOutputs, Settings, Shading, SplatKind,
+    AmbientOcclusion, Blend, EyeDome, ListOf, Method, Path, PictureOutputs, Settings, Shading,
+    SplatKind,
 };
 
 /// Refuses by name what `settings` ask for in vain: with these outputs, and points of at most
@@ -313,7 +314,8 @@ pub(crate) fn ids_refusal(
         Technique::Nothing | Technique::Filtered => {
             Some("filtered splats depend on the view, and the host makes them")
         }
-        Technique::Fuzzy if may_use_compute => {
+        // Where nobody insists the rasterizer gets numbers, and compute what the host makes.
+        Technique::Fuzzy if may_use_compute && settings.list_of == ListOf::Ids => {
             Some("what compute draws of fuzzy splats the host makes; use --path raster")
         }
         _ => ids::why_not(plan),

@@ -54,7 +54,10 @@ impl Device {
         match Gpu::open(&options) {
             Ok(gpu) => {
                 SUBPIXEL_BITS.store(gpu.info().subpixel_bits, Ordering::Relaxed);
-                IS_CARD.store(!gpu.info().is_cpu(), Ordering::Relaxed);
+                // One that is told to be a card rounds as it did.
+                if options.narrowed.is_none() {
+                    IS_CARD.store(!gpu.info().is_cpu(), Ordering::Relaxed);
+                }
                 Some(Self {
                     messages: gpu.messages().clone(),
                     gpu: Some(gpu),

@@ -230,7 +230,11 @@ impl DrawLists {
         let mut written = WrittenSplats::default();
         match &input.records {
             RecordFormat::Nothing => {}
-            RecordFormat::Splats(plan) | RecordFormat::Weighted(plan) if are_ids => {
+            RecordFormat::Splats(plan)
+            | RecordFormat::Weighted(plan)
+            | RecordFormat::Fuzzy(plan, _)
+                if are_ids =>
+            {
                 let out = written.room::<SplatId>(gpu, buffer, cuts.splat_count(plan))?;
                 // Of one model alone.
                 if let (Some(part), Some(cut)) = (parts.single(), cuts.iter().next()) {
@@ -316,6 +320,9 @@ impl DrawLists {
         let (plan, record) = match &input.records {
             RecordFormat::Splats(plan) => (plan, size_of::<Splat>()),
             RecordFormat::Weighted(plan) => (plan, size_of::<WeightedSplat>()),
+            RecordFormat::Fuzzy(plan, _) if !input.selection.has_blended_by_compute() => {
+                (plan, size_of::<WeightedSplat>())
+            }
             _ => return Ok(false),
         };
         if !input.plan.uploads_ids {
