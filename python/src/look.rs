@@ -5,9 +5,11 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfel::cut::SizeMetric;
+use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
 use surfel::render::{
-    Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
+    AmbientOcclusion, Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings,
+    Shading, SplatKind,
 };
 
 /// Words of an option with what they mean.
@@ -61,6 +63,18 @@ const EYE_DOMES: WordTable<EyeDome> = &[
     ("auto", EyeDome::Auto),
     ("on", EyeDome::On),
     ("off", EyeDome::Off),
+];
+const LIGHTS: WordTable<Lighting> = &[
+    ("headlight", Lighting::Headlight),
+    ("studio", Lighting::Sphere(LitSphere::Studio)),
+    ("clay", Lighting::Sphere(LitSphere::Clay)),
+    ("porcelain", Lighting::Sphere(LitSphere::Porcelain)),
+    ("metal", Lighting::Sphere(LitSphere::Metal)),
+];
+const AMBIENT_OCCLUSIONS: WordTable<AmbientOcclusion> = &[
+    ("auto", AmbientOcclusion::Auto),
+    ("on", AmbientOcclusion::On),
+    ("off", AmbientOcclusion::Off),
 ];
 const COLORS: WordTable<ColorBy> = &[
     ("shading", ColorBy::Shading),
@@ -133,7 +147,7 @@ pub(crate) struct PictureLook {
     pub(crate) has_threshold: bool,
 }
 
-/// Settings of the options in `given`. What is not given is as in `surfel render`.
+/// Settings of the options in `given`. What is not given is as in commands that measure: the headlight, and nothing darkened.
 pub(crate) fn settings(given: Option<&Bound<'_, PyDict>>) -> PyResult<PictureLook> {
     let mut s = Settings {
         eye_dome: EyeDome::Auto,
@@ -158,7 +172,9 @@ pub(crate) fn settings(given: Option<&Bound<'_, PyDict>>) -> PyResult<PictureLoo
             "size_metric" => s.size = word(name, v, SIZES)?,
             "depth_offset" => s.depth_offset = Some(number(name, v, 0.0, 1e6)?),
             "background" => s.background = color(v)?,
+            "light" => s.light = word(name, v, LIGHTS)?,
             "light_at" => s.light = lamp(v)?,
+            "ambient_occlusion" => s.ambient_occlusion = word(name, v, AMBIENT_OCCLUSIONS)?,
             "one_sided" => s.two_sided = !v.extract::<bool>()?,
             "colors" => s.use_colors = v.extract()?,
             "threshold" => {
@@ -167,7 +183,7 @@ pub(crate) fn settings(given: Option<&Bound<'_, PyDict>>) -> PyResult<PictureLoo
             }
             _ => {
                 return Err(PyTypeError::new_err(format!(
-                    "unknown option '{name}'; there are method, splat, threshold, blend, shading, reconstruct, path, occlusion, culling, eye_dome, eye_dome_strength, color_by, size_metric, depth_offset, background, light_at, one_sided, colors"
+                    "unknown option '{name}'; there are method, splat, threshold, blend, shading, reconstruct, path, occlusion, culling, eye_dome, eye_dome_strength, color_by, size_metric, depth_offset, background, light, light_at, ambient_occlusion, one_sided, colors"
                 )));
             }
         }

@@ -93,16 +93,19 @@ def test_pictures_are_those_of_the_command_line():
             ("generate:torus:20000", {"splat": "filtered", "background": (255, 255, 255)}),
             (str(SCAN), {"method": "triangles", "light_at": (-30.0, 30.0)}),
             ("generate:statue:20000", {"method": "splats", "splat": "disc", "color_by": "level"}),
+            ("generate:statue:20000", {"light": "studio", "ambient_occlusion": "on"}),
         ]:
             words = []
             for option, value in look.items():
                 text = ",".join(map(str, value)) if isinstance(value, tuple) else value
                 words += [f"--{option.replace('_', '-')}={text}"]
-            if "light_at" in look:
-                words += ["--light", "phong"]
+            if "light" not in look:
+                words += ["--light", "phong" if "light_at" in look else "headlight"]
+            if "ambient_occlusion" not in look:
+                words += ["--ambient-occlusion", "off"]
             program(
                 "render", name, "-q", "-o", png, "--depth", npy, "--save-camera", json,
-                "--size", "160x120", "--orbit", "40,10,1.2", "--backend", "cpu", *words,
+                "--size", "160x120", "--orbit", "40,10,1.2", "--backend", "cpu", "--samples", 1, *words,
             )  # fmt: skip
             model = surfel.open(name)
             camera = model.orbit(40, 10, 1.2, size=(160, 120))
@@ -115,7 +118,8 @@ def test_pictures_are_those_of_the_command_line():
             again = model.render(read, backend="cpu", **look)
             assert np.array_equal(again.color, picture.color) and again.depth is None
         program("render", "generate:statue:20000", "-q", "-o", png, "--samples", 16, "--backend", "cpu",
-                "--size", "80x80", "--threshold", 1)  # fmt: skip
+                "--size", "80x80", "--threshold", 1, "--light", "headlight",
+                "--ambient-occlusion", "off")  # fmt: skip
         model = surfel.open("generate:statue:20000")
         camera = model.orbit(size=(80, 80))
         smooth = model.render(camera, samples=16, threshold=1, backend="cpu")

@@ -20,7 +20,10 @@ class DeviceError(Error):
     """The device or the system failed."""
 
 class Look(TypedDict, total=False):
-    """Options of a picture, as `surfel render` has them."""
+    """Options of a picture, as `surfel render` has them.
+
+    Without any a picture is that of the headlight, not darkened: as commands have it that measure.
+    """
 
     method: Literal["triangles", "points", "splats", "pop"]
     splat: Literal["square", "disc", "ellipse", "gauss", "visibility", "filtered"]
@@ -39,7 +42,9 @@ class Look(TypedDict, total=False):
     size_metric: Literal["exact", "center", "nearest", "angle", "area"]
     depth_offset: float
     background: tuple[int, int, int]
+    light: Literal["headlight", "studio", "clay", "porcelain", "metal"]
     light_at: tuple[float, float]
+    ambient_occlusion: Literal["auto", "on", "off"]
     one_sided: bool
     colors: bool
 
