@@ -41,18 +41,20 @@ fn array<'py>(py: Python<'py>, matrix: &DMat4) -> PyResult<Bound<'py, PyArray2<f
 
 #[pymethods]
 impl PyCamera {
-    /// Looks from `eye` at `target`. `fov` is the vertical field of view in degrees; `near` and `far` bound what is seen.
+    /// Looks from `eye` at `target`. `up` is the y axis where it is not given. `fov` is the vertical field of view in degrees;
+    /// `near` and `far` bound what is seen.
     #[staticmethod]
-    #[pyo3(signature = (eye, target, *, up=(0.0, 1.0, 0.0), fov=45.0, near=None, far=None, size=(500, 500)))]
+    #[pyo3(signature = (eye, target, *, up=None, fov=45.0, near=None, far=None, size=(500, 500)))]
     fn look_at(
-        eye: (f64, f64, f64),
-        target: (f64, f64, f64),
-        up: (f64, f64, f64),
+        eye: [f64; 3],
+        target: [f64; 3],
+        up: Option<[f64; 3]>,
         fov: f64,
         near: Option<f64>,
         far: Option<f64>,
         size: (u32, u32),
     ) -> PyResult<Self> {
+        let up = up.unwrap_or([0.0, 1.0, 0.0]);
         let [eye, target, up] = [eye, target, up].map(DVec3::from);
         if ![eye, target, up].iter().all(|v| v.is_finite()) || up == DVec3::ZERO {
             return Err(wrong("eye, target and up must be finite, and up not zero"));

@@ -349,9 +349,14 @@ impl FramePlan {
             may_use_compute,
             draws_cut_by_compute: may_use_compute
                 && cut_place == CutPlace::Device
-                // A graphics card takes 2 to 7 ns to set a primitive up, and a hundredth of that by compute
-                // (docs/PERFORMANCE.md).
-                && (settings.path == Path::Compute || !capabilities.is_software),
+                && match settings.path {
+                    Path::Compute => true,
+                    _ if capabilities.is_software => false,
+                    _ => {
+                        let picture = (context.rect_px, (view.width, view.height));
+                        choose::draws_chosen(costs, &settings, picture)
+                    }
+                },
             uploads_ids,
             max_point_px,
             largest_px,

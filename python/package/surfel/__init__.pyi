@@ -1,3 +1,4 @@
+from collections.abc import Sequence
 from os import PathLike
 from typing import Literal, TypedDict, Unpack
 
@@ -7,6 +8,8 @@ from numpy.typing import NDArray
 __version__: str
 
 Vector = tuple[float, float, float]
+# Three numbers: a tuple, a list or an array.
+Triple = Sequence[float] | NDArray[np.floating]
 Size = tuple[int, int]
 Backend = Literal["auto", "vulkan", "cpu", "reference"]
 
@@ -84,10 +87,10 @@ class Camera:
 
     @staticmethod
     def look_at(
-        eye: Vector,
-        target: Vector,
+        eye: Triple,
+        target: Triple,
         *,
-        up: Vector = (0.0, 1.0, 0.0),
+        up: Triple | None = None,
         fov: float = 45.0,
         near: float | None = None,
         far: float | None = None,

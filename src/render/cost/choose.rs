@@ -273,6 +273,28 @@ fn log<T: std::fmt::Debug>(what: &str, chosen: &ChosenWay<T>) {
     );
 }
 
+/// Whether compute draws what the device chose, where nobody insists: of a splat and a triangle for each pixel, since how many
+/// there are is not known before. Where that was not measured it does: a graphics card takes 2 to 7 ns to set a primitive up, and
+/// by compute a hundredth (docs/experiments/graphics-card.md).
+pub(crate) fn draws_chosen(
+    costs: Option<&DrawCosts>,
+    settings: &Settings,
+    (rect_px, size): ([u32; 4], (u32, u32)),
+) -> bool {
+    let of_box = screen_bounds::pixels(rect_px);
+    let load = DrawLoad {
+        triangles: of_box,
+        splats: of_box,
+        size_px: settings.threshold_px.max(1.0),
+        pixels: PicturePixels {
+            picture: u64::from(size.0) * u64::from(size.1),
+            of_box,
+        },
+    };
+    let chosen = costs.and_then(|costs| costs.opaque_paths(settings.splat, &load));
+    chosen.is_none_or(|chosen| chosen.choice.triangles == Path::Compute)
+}
+
 /// The largest splat that the rasterizer draws as a point, pixels: what the device allows (`device_px`), or less where quads
 /// are cheaper below that.
 pub(crate) fn largest_point_px(costs: &DrawCosts, settings: &Settings, device_px: f32) -> f32 {
@@ -356,6 +378,42 @@ mod tests {
             ..ways
         });
         assert_eq!(path(SplatKind::Ellipse, cheap), Path::Raster);
+    }
+
+    /// A triangle that takes the rasterizer 3 ns, and compute 1 beside `picture_ns` a pixel.
+    #[test]
+    fn what_the_device_chose_is_drawn_by_what_is_cheaper() {
+        let costs = |picture_ns| {
+            let passes = PassCosts {
+                picture_ns,
+                ..PassCosts::default()
+            };
+            let triangle = |triangle_ns, passes| TriangleCosts {
+                triangle_ns,
+                passes,
+            };
+            let splats = |ns, passes| SplatCosts {
+                splat_ns: [ns; 3],
+                passes,
+            };
+            DrawCosts {
+                square: Some(PerRasterizer {
+                    raster: Some(splats(3.0, PassCosts::default())),
+                    compute: Some(splats(1.0, passes)),
+                }),
+                triangle: Some(PerRasterizer {
+                    raster: Some(triangle(3.0, PassCosts::default())),
+                    compute: Some(triangle(1.0, passes)),
+                }),
+                ..DrawCosts::default()
+            }
+        };
+        let picture = ([0, 0, 500, 500], (500, 500));
+        let draws =
+            |costs: Option<DrawCosts>| draws_chosen(costs.as_ref(), &Settings::default(), picture);
+        assert!(draws(None) && draws(Some(DrawCosts::default())));
+        assert!(draws(Some(costs(0.5))));
+        assert!(!draws(Some(costs(20.0))));
     }
 
     #[test]

@@ -55,6 +55,10 @@ pub(crate) struct DeviceCut {
 /// are rows of them, which 2^31 records have 512 of.
 const SPARE_RECORDS: u64 = 512 * 64;
 
+/// Bytes that a list must be smaller than the largest binding, so that it is bound in one part: two alignments of records, of 6 KiB
+/// at most.
+const ALIGNMENT_ROOM: u64 = 1 << 14;
+
 /// Number of bytes of so many records, of one at least.
 fn bytes_of<T>(count: usize) -> u64 {
     (count.max(1) * size_of::<T>()) as u64
@@ -83,7 +87,9 @@ impl DeviceCut {
         let queue = bytes_of::<[u32; 2]>(groups.max().unwrap_or(0));
         let splats = (most_splats + SPARE_RECORDS) * size_of::<Splat>() as u64;
         let indices = bytes_of::<[u32; 3]>(most_triangles + SPARE_RECORDS as usize);
-        device_tree::fits_bindings(gpu, [queue, splats, indices])?;
+        // Compute binds a list as a whole, and leaves room for alignment.
+        let with_room = |bytes| bytes + ALIGNMENT_ROOM;
+        device_tree::fits_bindings(gpu, [queue, with_room(splats), with_room(indices)])?;
         device_tree::fits_memory(gpu, on_device.bytes() + 2 * queue + splats + indices)?;
         let pipeline = |name, shader| ShaderPipeline::compute(gpu, name, shader, &[]);
         let counters = bytes_of::<CutCounters>(1);

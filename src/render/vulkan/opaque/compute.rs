@@ -239,6 +239,11 @@ impl ComputeRasterizer {
         let BoundItems {
             splats, triangles, ..
         } = &items;
+        let is_whole = splats.len() <= 1 && triangles.len() <= 1;
+        assert!(
+            list.groups.is_none() || is_whole,
+            "chosen lists are bound whole"
+        );
         let keys = BufferSlice::whole(&self.keys);
         frame.pass("small.clear").fill(
             &[(&self.keys, 8 * screen_bounds::pixels(context.rect_px))],
