@@ -172,8 +172,8 @@ fn a_device_draws_parts_as_the_reference_does() {
     for &path in device.paths() {
         for models in [&all[..], &all[..2]] {
             let refused = hold_to_reference(&backend, models, path);
-            // Whole models, splats alone and data as colors have no compute, nor have fuzzy splats of several models.
-            let expected = if path == Path::Compute { 3 * 6 } else { 0 };
+            // Whole models and splats alone have no compute.
+            let expected = if path == Path::Compute { 3 * 4 } else { 0 };
             assert_eq!(refused, expected, "{path:?}");
         }
     }

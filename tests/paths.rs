@@ -509,10 +509,6 @@ fn what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on() {
             ..discs(3.0)
         },
         Settings {
-            light: Lighting::Phong(Phong::default()),
-            ..discs(3.0)
-        },
-        Settings {
             splat: SplatKind::Ellipse,
             threshold_px: 10.5,
             ..Settings::default()
@@ -520,11 +516,6 @@ fn what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on() {
         Settings {
             splat: SplatKind::Ellipse,
             method: Method::Splats,
-            ..Settings::default()
-        },
-        Settings {
-            splat: SplatKind::Ellipse,
-            color_by: ColorBy::Normal,
             ..Settings::default()
         },
         Settings {

@@ -168,7 +168,7 @@ mod tests {
         for (settings, path, expected) in [
             (Settings::default(), Path::Compute, Path::Compute),
             (Settings::default(), Path::Raster, Path::Raster),
-            (lamp, Path::Compute, Path::Auto),
+            (lamp, Path::Compute, Path::Compute),
             (depth, Path::Compute, Path::Auto),
             (depth, Path::Raster, Path::Raster),
         ] {

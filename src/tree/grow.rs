@@ -34,20 +34,22 @@ impl VertexExtent {
         } else {
             (min, max)
         };
-        let center: DVec3 = (min.as_dvec3() + max.as_dvec3()) * 0.5;
+        let center = ((min.as_dvec3() + max.as_dvec3()) * 0.5).as_vec3();
+        // Distances go from the rounded center: far from the origin of the model it lies a large step away.
+        let from = center.as_dvec3();
         // The bits of a number that is not negative sort like the number.
         let farthest = AtomicU64::new(0);
         vertices.par_chunks(4096).for_each(|chunk| {
             let square = chunk
                 .iter()
-                .map(|v| center.distance_squared(v.position.as_dvec3()))
+                .map(|v| from.distance_squared(v.position.as_dvec3()))
                 .fold(0.0, f64::max);
             farthest.fetch_max(square.to_bits(), Ordering::Relaxed);
         });
         Self {
             min,
             max,
-            center: center.as_vec3(),
+            center,
             radius: f64::from_bits(farthest.into_inner()).sqrt() as f32,
         }
     }

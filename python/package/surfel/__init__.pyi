@@ -25,7 +25,7 @@ class DeviceError(Error):
 class Look(TypedDict, total=False):
     """Options of a picture, as `surfel render` has them.
 
-    Without any a picture is that of the headlight, not darkened: as commands have it that measure.
+    They are those of commands that measure. Without any the light is the headlight and nothing is darkened.
     """
 
     method: Literal["triangles", "points", "splats", "pop"]

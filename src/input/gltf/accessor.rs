@@ -156,7 +156,8 @@ impl GltfStore<'_> {
         };
         let size = component.bytes() * lanes;
         let is_usable = |count: usize| {
-            count as u64 * size as u64 <= self.file_bytes.saturating_mul(4) + (16 << 20)
+            (count as u64).saturating_mul(size as u64)
+                <= self.file_bytes.saturating_mul(4).saturating_add(16 << 20)
         };
         let too_many = || {
             self.fault(

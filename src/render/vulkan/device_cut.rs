@@ -499,7 +499,6 @@ mod tests {
                         let seen = (footprints, &undrawn);
                         selector.select_seen(&model, view, &of_cut, seen, &mut cut);
                     }
-                    let plan = splat_plan(&settings, 255.0);
                     let mut host = vec![bytemuck::Zeroable::zeroed(); splats::count(&cut, &plan)];
                     let packed = splats::pack::<Splat>(&model, &cut, view, &plan, &mut host);
                     assert_eq!(packed.quads, 0);
@@ -526,8 +525,7 @@ mod tests {
                     }
                     assert_eq!(u64::from(counts.visited), cut.stats.visited, "{what}");
                     assert_eq!(u64::from(counts.outside), cut.stats.outside, "{what}");
-                    let extra = more(&sorted::<_, 6>(&splats), &sorted::<_, 6>(&host));
-                    let Some(extra) = extra else {
+                    let Some(extra) = more(&sorted::<_, 6>(&splats), &sorted::<_, 6>(&host)) else {
                         panic!("{what}: splats of the host are missing");
                     };
                     let Some(edge_on) =
