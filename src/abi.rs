@@ -498,6 +498,22 @@ same_layout!(
     normal = NORMAL,
     color = COLOR,
 );
+same_layout!(
+    OrientedPolygon,
+    polygon_record,
+    center = CENTER,
+    round_radius = ROUND_RADIUS,
+    normal = NORMAL,
+    thickness = THICKNESS,
+    axis = AXIS,
+    corner_count = CORNER_COUNT,
+    corners = CORNERS,
+    shading_normal = SHADING_NORMAL,
+    color = COLOR,
+    shape_operator = SHAPE_OPERATOR,
+    spread = SPREAD,
+    color_slopes = COLOR_SLOPES,
+);
 const _: () = {
     use generated::layout::filtered_record as record;
     assert!(

@@ -100,6 +100,7 @@ fn is_by(executor: PictureExecutor, passes: &[&str]) -> bool {
         "fuzzy.clear",
         "filtered.clear",
         "visibility.splats",
+        "polygons.clear",
     ];
     let is_by_compute = by_compute.iter().any(|name| has(name));
     match executor {

@@ -102,12 +102,12 @@ fn looks(rules: PatchRules) -> [Settings; 5] {
     ]
 }
 
-fn assert_as_reference(backend: &Backend) {
+fn assert_as_reference(backend: &Backend, path: Path) {
     for (name, model) in models() {
         let (mut own, mut reference) = (engine(backend, &model), engine(&Backend::Mirror, &model));
         for view in views(&model) {
             for look in looks(rules(0.25, 0.5, 32.0)) {
-                let times = own.draw(&view, &look).unwrap();
+                let times = own.draw(&view, &Settings { path, ..look }).unwrap();
                 assert!(times.counts.splats > 50, "{name}: {:?}", times.counts);
                 let image = own.read(&view).unwrap();
                 let exact = reference.render(&view, &look).unwrap();
@@ -132,13 +132,21 @@ fn assert_as_reference(backend: &Backend) {
 
 #[test]
 fn the_processor_draws_what_the_reference_draws() {
-    assert_as_reference(&Backend::Cpu);
+    assert_as_reference(&Backend::Cpu, Path::Auto);
 }
 
 #[test]
 fn a_device_draws_what_the_reference_draws() {
     let Some(device) = Device::open() else { return };
-    assert_as_reference(&Backend::Vulkan(device.gpu().clone()));
+    assert_as_reference(&Backend::Vulkan(device.gpu().clone()), Path::Raster);
+}
+
+#[test]
+fn compute_draws_what_the_reference_draws() {
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
+    assert_as_reference(&Backend::Vulkan(device.gpu().clone()), Path::Compute);
 }
 
 /// Every pixel of the exact picture is covered, on all backends, from near and far.
@@ -253,13 +261,4 @@ fn what_is_not_drawn_is_refused_by_name() {
             assert!(error.contains(word), "{error}");
         }
     }
-    let Some(device) = Device::open() else { return };
-    let vulkan = Backend::Vulkan(device.gpu().clone());
-    let mut engine = Engine::new(&vulkan, &model, SIZE, PictureOutputs::default()).unwrap();
-    let by_compute = Settings {
-        path: Path::Compute,
-        ..usual
-    };
-    let error = engine.render(&view, &by_compute).unwrap_err().to_string();
-    assert!(error.contains("compute"), "{error}");
 }

@@ -15,7 +15,7 @@ use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::progress::Silent;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{
-    Blend, Culling, Method, PictureOutputs, Reconstruction, Settings, Shading, SplatKind,
+    Blend, Culling, Method, Path, PictureOutputs, Reconstruction, Settings, Shading, SplatKind,
 };
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -107,7 +107,7 @@ fn differing(a: &Image, b: &Image) -> usize {
 }
 
 /// Holds a backend to the pictures of the reference: in every light, of cut and whole splats, from several sides.
-fn assert_as_reference(own: &Backend) {
+fn assert_as_reference(own: &Backend, path: Path) {
     for (model, name) in [(cube(), "cube"), (sheet(), "sheet")] {
         let whole = SplatRules {
             radius: RadiusRule::Dietz,
@@ -129,8 +129,8 @@ fn assert_as_reference(own: &Backend) {
                         ..settings(rules)
                     },
                 ] {
-                    let [reference, own] =
-                        [&Backend::Mirror, own].map(|backend| draw(backend, &model, &view, &look));
+                    let reference = draw(&Backend::Mirror, &model, &view, &look);
+                    let own = draw(own, &model, &view, &Settings { path, ..look });
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
                     let count = differing(&reference, &own);
                     assert!(covered > 2000, "{name}: {covered}");
@@ -147,13 +147,21 @@ fn assert_as_reference(own: &Backend) {
 
 #[test]
 fn the_processor_draws_what_the_reference_draws() {
-    assert_as_reference(&Backend::Cpu);
+    assert_as_reference(&Backend::Cpu, Path::Auto);
 }
 
 #[test]
 fn a_device_draws_what_the_reference_draws() {
     let Some(device) = Device::open() else { return };
-    assert_as_reference(&Backend::Vulkan(device.gpu().clone()));
+    assert_as_reference(&Backend::Vulkan(device.gpu().clone()), Path::Raster);
+}
+
+#[test]
+fn compute_draws_what_the_reference_draws() {
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
+    assert_as_reference(&Backend::Vulkan(device.gpu().clone()), Path::Compute);
 }
 
 /// From within a box polygons reach behind the eye, where the device clips them.
@@ -171,11 +179,13 @@ fn a_device_draws_what_reaches_behind_the_eye() {
             culling: Culling::Off,
             ..settings(cut(5.0))
         };
-        let [reference, own] =
-            [&Backend::Mirror, &vulkan].map(|backend| draw(backend, &model, &view, &inside));
+        let reference = draw(&Backend::Mirror, &model, &view, &inside);
         let covered = reference.color.iter().filter(|c| c[3] > 0).count();
         assert_eq!(covered, 240 * 200);
-        assert!(differing(&reference, &own) * 200 < covered);
+        for &path in device.paths() {
+            let own = draw(&vulkan, &model, &view, &Settings { path, ..inside });
+            assert!(differing(&reference, &own) * 200 < covered, "{path:?}");
+        }
     }
 }
 

@@ -50,6 +50,7 @@ Disc bounded(Disc disc) {
     if (!(disc.size_px >= LEAST_ROUND_PX)) {
         disc.form = vec3(0.0);
         disc.skew = vec2(0.0);
+        disc.lean = vec2(0.0);
         disc.size_px = disc.size_px >= 1.0 ? disc.size_px : 1.0;
     } else {
         // The device snaps the center; what the square gains is cut off by the form.
@@ -60,7 +61,7 @@ Disc bounded(Disc disc) {
 
 // A circle of `radius_px` around a framebuffer position.
 Disc circle_at(vec2 center_px, float radius_px) {
-    return bounded(Disc(center_px, vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0));
+    return bounded(Disc(center_px, vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0, vec2(0.0)));
 }
 
 // The same around a center in view space.
@@ -75,6 +76,7 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
     Disc disc;
     disc.center_px = position_px(center);
     disc.skew = vec2(0.0);
+    disc.lean = vec2(0.0);
     vec2 scale = frame.ray_scale;
     bool is_orthographic = has_flag(FLAG_ORTHOGRAPHIC);
     float distance = is_orthographic ? 1.0 : -center.z;
@@ -91,12 +93,15 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
         if (is_orthographic) {
             x = vec3(1.0, 0.0, -n.x / n.z);
             y = vec3(0.0, 1.0, -n.y / n.z);
+            disc.lean = n.xy / n.z * scale * -frame.clip_from_view[2][2];
         } else {
             vec3 along = center / distance;
             vec2 slope = n.xy / dot(n, along);
             x = vec3(1.0, 0.0, 0.0) - along * slope.x;
             y = vec3(0.0, 1.0, 0.0) - along * slope.y;
             disc.skew = slope * scale;
+            // Depth is a constant and this over the distance.
+            disc.lean = disc.skew * (frame.clip_from_view[3][2] / distance);
         }
         x *= scale.x * distance / radius;
         y *= scale.y * distance / radius;

@@ -9,6 +9,8 @@ struct Disc {
     vec2 skew;
     // Side of a square around the center that contains the footprint, pixels; at least 1.
     float size_px;
+    // Change of reversed depth, which is affine on the picture of a plane; 1 / pixels.
+    vec2 lean;
 };
 
 // A circle of a smaller diameter may lie between the centers of pixels: it is the square around it instead, of one pixel

@@ -43,9 +43,9 @@ pub(crate) fn largest_point_px(settings: &Settings) -> f32 {
 /// Bytes of the largest storage that compute needs of a picture of this width and height, pixels.
 pub(crate) fn storage_bytes(technique: Technique, [width, height]: [u32; 2]) -> u64 {
     let pixel = match technique {
-        Technique::Nothing | Technique::Polygons => 0,
+        Technique::Nothing => 0,
         // Depth and number of what is nearest.
-        Technique::Opaque | Technique::Visibility => 8,
+        Technique::Opaque | Technique::Visibility | Technique::Polygons => 8,
         // Sums of colors and weights.
         Technique::Fuzzy | Technique::Filtered => 32,
     };
@@ -67,6 +67,9 @@ pub(crate) fn may_use_compute(
     let reason = match technique {
         _ if settings.path == Path::Raster => return Ok(false),
         Technique::Opaque if settings.method == Method::Pop => not_as_opaque(settings),
+        // No graphics card has measured them: whoever wants them says so.
+        Technique::Polygons if settings.path == Path::Auto => return Ok(false),
+        Technique::Polygons => None,
         Technique::Filtered | Technique::Fuzzy if settings.has_cut() => {
             not_as_blended(settings, outputs)
         }
@@ -109,9 +112,15 @@ fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
     }
 }
 
+/// Why splats from vertices are not, where they are blended or hide centers.
+const BLENDED_POLYGONS: &str =
+    "splats from vertices are blended by the rasterizer; leave --path compute out";
+
 /// Why filtered and fuzzy splats are not drawn by compute.
 fn not_as_blended(settings: &Settings, outputs: PictureOutputs) -> Option<&'static str> {
-    if settings.threshold_px > largest_threshold_px(settings) {
+    if settings.drawn_vertex_splats().is_some() {
+        Some(BLENDED_POLYGONS)
+    } else if settings.threshold_px > largest_threshold_px(settings) {
         Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
     } else if settings.shading == Shading::Deferred {
         Some("it sums colors, not normals; leave --splat-shading out")
@@ -128,6 +137,9 @@ fn not_as_blended(settings: &Settings, outputs: PictureOutputs) -> Option<&'stat
 
 /// Why visibility splats are not drawn by compute.
 fn not_as_visible(settings: &Settings) -> Option<&'static str> {
+    if settings.drawn_vertex_splats().is_some() {
+        return Some(BLENDED_POLYGONS);
+    }
     (settings.threshold_px > largest_threshold_px(settings)).then_some(
         "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
     )

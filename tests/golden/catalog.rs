@@ -203,8 +203,7 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
         .no_host(NOT_BLENDED),
         with(case("patches", Pop, Square, 1.0), &|s| {
             s.patches = Some(PatchRules::default());
-        })
-        .no_compute(OF_A_TREE),
+        }),
         with(case("patches-coarse", Pop, Square, 1.0), &|s| {
             let tolerances = ErrorTolerances {
                 rim_px: 1.0,
@@ -217,12 +216,10 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
             });
             s.light = lamp;
         })
-        .by_orbit(NEAR)
-        .no_compute(OF_A_TREE),
+        .by_orbit(NEAR),
         with(case("from-vertices", Splats, Square, 1.0), &|s| {
             s.vertex_splats = Some(SplatRules::default());
-        })
-        .no_compute(OF_A_TREE),
+        }),
         case("splats", Splats, Square, 2.0).no_compute(OF_A_TREE),
         case("splats-gauss", Splats, Gauss, 2.0).no_host(NOT_BLENDED),
         with(case("primitive", Pop, Square, 2.5), &|s| {

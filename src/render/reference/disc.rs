@@ -69,6 +69,15 @@ enum DiscShape {
     Form { form: DVec3, skew: DVec2 },
 }
 
+/// What a pixel sees of a round splat.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct DiscSample {
+    /// Square of the distance from the center in the plane of the disc, in radii.
+    pub(super) rho_squared: f64,
+    /// Distance along the view direction, of a disc that lies in a plane of its own.
+    pub(super) distance: Option<f32>,
+}
+
 /// A footprint whose pixels are not looked for yet.
 struct UnboundedDisc {
     center: DVec3,
@@ -203,11 +212,16 @@ impl DiscFootprint {
         UnboundedDisc::of_form(center.as_dvec3(), form, DVec2::ZERO, 0.0).bounded(frame, true)
     }
 
-    /// The square of the distance from the center in the plane of the disc, in radii, where the ray of pixel
-    /// (x, y) meets it; infinite where that is behind the eye. At most 1 inside.
-    pub(super) fn rho_squared(&self, x: u32, y: u32) -> f64 {
+    /// What pixel (x, y) sees of it; `None` outside.
+    pub(super) fn sample(&self, x: u32, y: u32) -> Option<DiscSample> {
+        Some(self.met(x, y)).filter(|sample| sample.rho_squared <= 1.0)
+    }
+
+    /// Where the ray of pixel (x, y) meets the plane, inside or outside; infinitely far where that is behind the eye.
+    pub(super) fn met(&self, x: u32, y: u32) -> DiscSample {
         let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-        match &self.shape {
+        let mut distance = None;
+        let rho_squared = match &self.shape {
             DiscShape::Square => 0.0,
             DiscShape::Form { form, skew } => {
                 let offset = at - self.center_px;
@@ -235,14 +249,22 @@ impl DiscFootprint {
                     if t > 0.0 {
                         t * d - *center
                     } else {
-                        return f64::INFINITY;
+                        return DiscSample {
+                            rho_squared: f64::INFINITY,
+                            distance: None,
+                        };
                     }
                 } else {
                     let across = through - center.truncate();
                     across.extend(-normal.truncate().dot(across) / normal.z)
                 };
+                distance = Some((-center.z - from_center.z) as f32);
                 from_center.length_squared() / (radius * radius)
             }
+        };
+        DiscSample {
+            rho_squared,
+            distance,
         }
     }
 

@@ -67,6 +67,14 @@ impl PlacedVertex {
     }
 }
 
+impl ReferenceFrame<'_> {
+    /// Reversed depth of what lies so far along the view direction, within 0..=1.
+    pub(super) fn depth_of(&self, distance: f32) -> f32 {
+        let clip = self.clip_from_view * Vec4::new(0.0, 0.0, -distance, 1.0);
+        (clip.z / clip.w).clamp(0.0, 1.0)
+    }
+}
+
 impl<'a> ReferenceFrame<'a> {
     pub(super) fn new(view: &'a View, style: &'a Style) -> Self {
         let [sx, sy] = view.scale;

@@ -15,6 +15,7 @@ use crate::math::camera::View;
 use crate::pack::{FuzzyList, Style};
 use crate::render::PictureOutputs;
 use crate::render::reference::bands::{PixelRows, plane};
+use crate::render::reference::disc::DiscSample;
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::fuzzy::set_up::{FuzzyFragment, place_pushed, set_up_pushed, share};
 use crate::render::reference::polygons::{FramedPolygon, PushedPolygon};
@@ -142,9 +143,9 @@ pub fn render_fuzzy_polygons(
             pixel.blend(passes, &depth, sample.weight, add);
         },
     );
-    let add = |pixel: &mut FuzzyPixel, splat: &RasterSplat<FuzzyFragment>, rho_squared| {
+    let add = |pixel: &mut FuzzyPixel, splat: &RasterSplat<FuzzyFragment>, sample: DiscSample| {
         let splat = &splat.fragment;
-        let weight = splat.weight_at(rho_squared);
+        let weight = splat.weight_at(sample.rho_squared);
         pixel.blend(passes, &splat.depth, weight, || splat.share);
     };
     target.draw(list.splats, |s| set_up_blended(&frame, s), add);

@@ -6,7 +6,7 @@ use crate::math::camera::View;
 use crate::pack::{DrawList, Footprint, Style};
 use crate::render::PictureOutputs;
 use crate::render::reference::bands::{OpaquePixel, PixelRows, ShownPixel, picture};
-use crate::render::reference::disc::DiscFootprint;
+use crate::render::reference::disc::{DiscFootprint, DiscSample};
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::polygons;
 use crate::render::reference::polygons::PolygonList;
@@ -65,9 +65,14 @@ pub fn render_with_polygons(
         },
     );
     polygons::draw(&frame, &mut target, polygons);
-    let put = |pixel: &mut OpaquePixel, splat: &RasterSplat<OpaquePixel>, _rho_squared| {
-        if splat.fragment.depth > pixel.depth {
-            *pixel = splat.fragment;
+    let put = |pixel: &mut OpaquePixel, splat: &RasterSplat<OpaquePixel>, sample: DiscSample| {
+        let mut own = splat.fragment;
+        if let Some(distance) = sample.distance {
+            own.depth = frame.depth_of(distance);
+            own.shown.distance = distance;
+        }
+        if own.depth > pixel.depth {
+            *pixel = own;
         }
     };
     target.draw(list.splats, |s| set_up(&frame, s), put);

@@ -2,7 +2,7 @@
 
 use crate::abi::{Splat, Vertex};
 use crate::render::reference::bands::PixelCoverage;
-use crate::render::reference::disc::{DiscFootprint, SurfacePatch, thickness_of};
+use crate::render::reference::disc::{DiscFootprint, DiscSample, SurfacePatch, thickness_of};
 use crate::render::reference::frame::{PlacedVertex, ReferenceFrame};
 use crate::render::reference::shade::SurfacePoint;
 use crate::render::reference::square::SquareFootprint;
@@ -88,8 +88,7 @@ pub(super) struct RasterSplat<F> {
 }
 
 impl<F> PixelCoverage for RasterSplat<F> {
-    /// The square of the distance from the center in radii, in the plane of a disc; 0 in all of a square.
-    type Sample = f64;
+    type Sample = DiscSample;
 
     fn rows(&self) -> Range<u32> {
         match &self.footprint {
@@ -105,13 +104,10 @@ impl<F> PixelCoverage for RasterSplat<F> {
         }
     }
 
-    fn sample(&self, x: u32, y: u32) -> Option<f64> {
+    fn sample(&self, x: u32, y: u32) -> Option<DiscSample> {
         match &self.footprint {
-            SplatFootprint::Square(_) => Some(0.0),
-            SplatFootprint::Disc(disc) => {
-                let squared = disc.rho_squared(x, y);
-                (squared <= 1.0).then_some(squared)
-            }
+            SplatFootprint::Square(_) => Some(DiscSample::default()),
+            SplatFootprint::Disc(disc) => disc.sample(x, y),
         }
     }
 }

@@ -225,13 +225,14 @@ impl Band<'_> {
             let OvalOutline {
                 form: [xx, xy, yy],
                 skew,
+                lean,
                 to_first,
             } = *oval;
             let width = Numbers::<S>::splat(simd, (right.max(left) - left) as f32);
             for y in top.max(first_row)..bottom.min(end_row) {
                 let from_y = to_first[1] + (y - top) as f32;
                 let (of_y, along_y) = (yy * from_y * from_y, 1.0 + skew[1] * from_y);
-                let xy = xy * from_y;
+                let (xy, depth) = (xy * from_y, depth + lean[1] * from_y);
                 let mut at = (y - first_row) * self.stride + left;
                 let mut x = lanes;
                 for _ in (left..right).step_by(step) {
@@ -239,6 +240,8 @@ impl Band<'_> {
                     let squared = (from_x * xx + xy) * from_x + of_y;
                     let along = from_x * skew[0] + along_y;
                     let is_in = squared.simd_le(along * along) & along.simd_gt(0.0);
+                    // Nothing is nearer than the near plane.
+                    let depth = (from_x * lean[0] + depth).min(1.0);
                     self.leave_wide(simd, at, is_in & x.simd_lt(width), depth, shown);
                     at += step;
                     x += step as f32;

@@ -19,6 +19,9 @@ pub(super) struct OvalScreen {
     is_orthographic: bool,
     /// Distance of the near plane.
     near: f32,
+    /// Reversed depth is the second over the distance less the first; without perspective the second less the first times the
+    /// distance.
+    depth: [f32; 2],
 }
 
 impl OvalScreen {
@@ -29,6 +32,7 @@ impl OvalScreen {
             ray_scale: frame.ray_scale,
             is_orthographic: frame.flags & FLAG_ORTHOGRAPHIC != 0,
             near: clip[3][2] / (1.0 + clip[2][2]),
+            depth: [clip[2][2], clip[3][2]],
         }
     }
 }
@@ -41,6 +45,8 @@ pub(super) struct OvalOutline {
     pub(super) form: [f32; 3],
     /// 1 / pixels.
     pub(super) skew: [f32; 2],
+    /// Change of reversed depth, which is affine on the picture of a plane; 1 / pixels.
+    pub(super) lean: [f32; 2],
     /// From the center to that of the first pixel, pixels.
     pub(super) to_first: [f32; 2],
 }
@@ -62,6 +68,8 @@ pub(super) struct OvalForms<S: Simd> {
     pub(super) form: [Numbers<S>; 3],
     /// Change of the distance along the ray with the offset, 1 / pixels.
     pub(super) skew: [Numbers<S>; 2],
+    /// Change of reversed depth with the offset, 1 / pixels.
+    pub(super) lean: [Numbers<S>; 2],
     /// Width and height of the rectangle around the center that contains them, pixels.
     pub(super) sides: [Numbers<S>; 2],
 }
@@ -169,6 +177,17 @@ impl OvalScreen {
             is_near.select(zero, skewed[0]),
             is_near.select(zero, skewed[1]),
         ];
+        let [per_distance, over_distance] = self.depth;
+        let lean = match self.is_orthographic {
+            true => [
+                slope[0] * (-per_distance * self.ray_scale[0]),
+                slope[1] * (-per_distance * self.ray_scale[1]),
+            ],
+            false => {
+                let unit = number(over_distance) / distance;
+                [skew[0] * unit, skew[1] * unit]
+            }
+        };
         let determinant = form[0] * form[2] - form[1] * form[1];
         let inverse = [
             form[2] / determinant,
@@ -183,6 +202,7 @@ impl OvalScreen {
         OvalForms {
             form,
             skew,
+            lean,
             sides: [
                 side_of::<S>(inverse[0], shift[0], rest),
                 side_of::<S>(inverse[2], shift[1], rest),

@@ -66,7 +66,7 @@ struct Answers {
     form: Row,
     to_first: [Row; 2],
     /// Form and skew of discs in the plane of the surface.
-    ovals: [Row; 5],
+    ovals: [Row; 7],
     colors: [i32; BLOCK],
 }
 
@@ -105,7 +105,7 @@ pub(super) fn part(
             depth: [0.0; BLOCK],
             form: [0.0; BLOCK],
             to_first: [[0.0; BLOCK]; 2],
-            ovals: [[0.0; BLOCK]; 5],
+            ovals: [[0.0; BLOCK]; 7],
             colors: [0; BLOCK],
         },
     };
@@ -297,11 +297,12 @@ impl Placer<'_> {
             _ => 0,
         });
         for (i, oval) in own_ovals.iter_mut().enumerate() {
-            let [xx, xy, yy, skew_x, skew_y] =
-                [0, 1, 2, 3, 4].map(|row: usize| answers.ovals[row][i]);
+            let [xx, xy, yy, skew_x, skew_y, lean_x, lean_y] =
+                [0, 1, 2, 3, 4, 5, 6].map(|row: usize| answers.ovals[row][i]);
             *oval = OvalOutline {
                 form: [xx, xy, yy],
                 skew: [skew_x, skew_y],
+                lean: [lean_x, lean_y],
                 to_first: [answers.to_first[0][i], answers.to_first[1][i]],
             };
         }
@@ -511,7 +512,8 @@ fn find_ovals<S: Simd>(
         to_first.store_slice(&mut found.to_first[i][lanes.clone()]);
     }
     let [xx, xy, yy] = forms.form;
-    let rows = [xx, xy * 2.0, yy, forms.skew[0], forms.skew[1]];
+    let ([skew_x, skew_y], [lean_x, lean_y]) = (forms.skew, forms.lean);
+    let rows = [xx, xy * 2.0, yy, skew_x, skew_y, lean_x, lean_y];
     for (row, own) in found.ovals.iter_mut().zip(rows) {
         is_round
             .select(own, zero)

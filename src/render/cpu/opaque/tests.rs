@@ -412,9 +412,9 @@ fn a_cut_is_drawn_as_its_list() {
     assert!(numbers.iter().all(|&n| n > 100), "{numbers:?}");
 }
 
-/// How much of a disc in the plane of the surface lies where the ray of a pixel meets it: the square of the distance from its
-/// middle, in radii; infinite where it does not. By its definition, in double precision; the eye is at (0, -0.1, 3).
-fn rho_squared(splat: &Splat, [x, y]: [u32; 2], [width, height]: [f64; 2]) -> f64 {
+/// Where the ray of a pixel meets the plane of a disc: the square of the distance from its middle, in radii, and the reversed
+/// depth; infinite and 0 where it does not. By its definition, in double precision; the eye is at (0, -0.1, 3).
+fn seen_of_disc(splat: &Splat, [x, y]: [u32; 2], [width, height]: [f64; 2]) -> [f64; 2] {
     let center = splat.center.as_dvec3() + DVec3::new(0.0, 0.1, -3.0);
     let to_eye = -center.normalize();
     let normal = octahedral::decode(splat.normal).as_dvec3().normalize();
@@ -430,8 +430,12 @@ fn rho_squared(splat: &Splat, [x, y]: [u32; 2], [width, height]: [f64; 2]) -> f6
     let ray = DVec3::new(at[0], at[1], -1.2 * width);
     let along = tilted.dot(center) / tilted.dot(ray);
     match along > 0.0 {
-        true => (along * ray).distance_squared(center) / f64::from(splat.radius).powi(2),
-        false => f64::INFINITY,
+        true => {
+            let met = along * ray;
+            let squared = met.distance_squared(center) / f64::from(splat.radius).powi(2);
+            [squared, (0.5 / -met.z).min(1.0)]
+        }
+        false => [f64::INFINITY, 0.0],
     }
 }
 
@@ -469,7 +473,7 @@ fn ovals_cover_what_rays_meet() {
             );
             let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| [x, y]));
             for (key, pixel) in planes.keys().into_iter().zip(pixels) {
-                let rho_squared = rho_squared(&splat, pixel, size);
+                let [rho_squared, depth] = seen_of_disc(&splat, pixel, size);
                 // Single precision decides at the rim.
                 if (rho_squared - 1.0).abs() > 2e-3 {
                     assert_eq!(
@@ -477,6 +481,13 @@ fn ovals_cover_what_rays_meet() {
                         rho_squared < 1.0,
                         "{splat:?} {pixel:?} {rho_squared}"
                     );
+                    if key != 0 {
+                        let own = f64::from(f32::from_bits((key >> 32) as u32));
+                        assert!(
+                            (own - depth).abs() < 1e-5,
+                            "{splat:?} {pixel:?} {own} {depth}"
+                        );
+                    }
                     covered += usize::from(key != 0);
                     let is_at_side = pixel[0] == left || pixel[1] == top;
                     cut_off += usize::from(key != 0 && is_at_side);

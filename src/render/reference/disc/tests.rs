@@ -43,7 +43,7 @@ fn area(disc: &DiscFootprint) -> f64 {
         let covered = disc
             .columns
             .clone()
-            .filter(|&x| disc.rho_squared(x, y) <= 1.0);
+            .filter(|&x| disc.met(x, y).rho_squared <= 1.0);
         count += covered.count() as u32;
     }
     f64::from(count)
@@ -100,7 +100,7 @@ fn an_orthographic_disc_is_an_ellipse_with_the_cosine_as_ratio() {
         );
         // 128 + 8 + 10 from the left, 128 - 4 + 5 from the top.
         // Half a pixel to either side is a 12th of the shorter axis at most.
-        assert!(disc.rho_squared(145, 128) <= 0.01);
+        assert!(disc.met(145, 128).rho_squared <= 0.01);
     }
 }
 
@@ -192,10 +192,10 @@ proptest! {
         let as_form = DiscFootprint { shape: DiscShape::Form { form, skew }, ..disc.clone() };
         for y in (0..256).step_by(3) {
             for x in (0..256).step_by(3) {
-                let rho = disc.rho_squared(x, y);
+                let rho = disc.met(x, y).rho_squared;
                 let inside = disc.columns.contains(&x) && disc.rows.contains(&y);
                 prop_assert!(inside || rho > 1.0 || matches!(disc.shape, DiscShape::Square), "pixel {x} {y}: {rho}");
-                let other = as_form.rho_squared(x, y);
+                let other = as_form.met(x, y).rho_squared;
                 if rho < 4.0 && !matches!(disc.shape, DiscShape::Square) {
                     prop_assert!((rho - other).abs() < 1e-6, "pixel {x} {y}: {rho} {other}");
                 }

@@ -193,7 +193,7 @@ fn records_for_compute_have_the_place_the_footprint_and_the_color_of_the_mirror(
                                 }
                                 for y in disc.rows.clone() {
                                     for x in disc.columns.clone() {
-                                        let wanted = disc.rho_squared(x, y);
+                                        let wanted = disc.met(x, y).rho_squared;
                                         let got = rho_squared(&record, x, y, low_pass);
                                         assert!(
                                             wanted > 1.5 || (got - wanted).abs() <= 2e-3,

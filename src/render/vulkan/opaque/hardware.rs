@@ -67,10 +67,10 @@ impl OpaqueSplats {
             (SplatSource::Vertices, true) => (&shaders::POINTS_DRAW_VERT, VERTEX),
             (SplatSource::Vertices, false) => (&shaders::POINTS_ROUND_VERT, VERTEX),
         };
-        let fragment = if is_square {
-            shaders::POINTS_DRAW_FRAG
-        } else {
-            shaders::SPLATS_ROUND_FRAG
+        let fragment = match footprint {
+            Footprint::Square => shaders::POINTS_DRAW_FRAG,
+            Footprint::Circle => shaders::SPLATS_ROUND_FRAG,
+            Footprint::Oriented => shaders::SPLATS_ELLIPSE_FRAG,
         };
         let fragment = fragment.of(targets.normal().is_some());
         let is_oriented = footprint == Footprint::Oriented;

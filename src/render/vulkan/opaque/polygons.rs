@@ -8,11 +8,19 @@ use crate::gpu::pipeline::{DepthMode, PipelineDescription, PrimitiveTopology, Sh
 use crate::gpu::{Error, Gpu};
 use crate::render::settings::PolygonSource;
 use crate::render::vulkan::POLYGON;
+use crate::render::vulkan::opaque::polygons_by_compute::PolygonCompute;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
 
-/// What decides the pipeline; the last are the flags of the frame.
-pub(crate) type PolygonVariant = (PolygonKind, u32);
+/// What decides the pipelines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct PolygonVariant {
+    pub(crate) kind: PolygonKind,
+    /// Those of the frame.
+    pub(crate) flags: u32,
+    /// Compute draws them, not the rasterizer.
+    pub(crate) by_compute: bool,
+}
 
 /// What the polygons of a frame are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,12 +31,19 @@ pub(crate) enum PolygonKind {
     Patches,
 }
 
-/// The pipeline of one kind of polygons.
+/// The passes of one kind of polygons.
 #[derive(Debug)]
 pub(crate) struct PolygonPasses {
-    /// What it was made for.
+    /// What they were made for.
     pub(crate) variant: PolygonVariant,
-    pipeline: ShaderPipeline,
+    drawer: PolygonDrawer,
+}
+
+/// What draws polygons.
+#[derive(Debug)]
+enum PolygonDrawer {
+    Rasterizer(ShaderPipeline),
+    Compute(Box<PolygonCompute>),
 }
 
 impl PolygonPasses {
@@ -36,63 +51,87 @@ impl PolygonPasses {
     /// When a Vulkan call fails.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        variant @ (kind, flags): PolygonVariant,
+        variant: PolygonVariant,
         targets: &FrameTargets,
     ) -> Result<Self, Error> {
-        let (vertex, fragment, topology): (&Shader, ShaderVariants, PrimitiveTopology) = match kind
-        {
-            PolygonKind::Splats => (
-                &shaders::POLYGONS_SPLATS_VERT,
-                shaders::POLYGONS_SPLATS_FRAG,
-                PrimitiveTopology::Fans,
-            ),
-            PolygonKind::Patches => (
-                &shaders::POLYGONS_PATCHES_VERT,
-                shaders::POLYGONS_PATCHES_FRAG,
-                PrimitiveTopology::Quads,
-            ),
+        let drawer = match variant.by_compute {
+            true => PolygonDrawer::Compute(Box::new(PolygonCompute::new(gpu, variant, targets)?)),
+            false => PolygonDrawer::Rasterizer(pipeline(gpu, variant, targets)?),
         };
-        let description = PipelineDescription {
-            name: kind.pass(),
-            vertex,
-            fragment: Some(fragment.of(targets.normal().is_some())),
-            constants: &[],
-            record: POLYGON,
-            topology,
-            colors: targets.formats(),
-            depth: DepthMode::Nearest,
-            is_additive: false,
-        };
-        Ok(Self {
-            variant,
-            pipeline: ShaderPipeline::for_flags(gpu, &description, flags)?,
-        })
+        Ok(Self { variant, drawer })
     }
 
-    /// Pass `polygons.splats` or `polygons.patches`: so many polygons of a list. Keeps what the triangles left.
+    /// Pass `polygons.splats` or `polygons.patches`, or those by compute: so many polygons of a list. Keeps what the triangles
+    /// left.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many polygons.
     pub(crate) fn record(
         &self,
         frame: &mut FrameRecorder<'_>,
         targets: &FrameTargets,
-        (polygons, count): (&dyn AnyBuffer, usize),
+        list: (&dyn AnyBuffer, usize),
         context: &Context,
         constants: UniformBlock,
-    ) {
+    ) -> Result<(), Error> {
+        let (polygons, count) = list;
+        let pipeline = match &self.drawer {
+            PolygonDrawer::Rasterizer(pipeline) => pipeline,
+            PolygonDrawer::Compute(compute) => {
+                return compute.record(frame, targets, list, context, constants);
+            }
+        };
         if count == 0 {
-            return;
+            return Ok(());
         }
-        let kind = self.variant.0;
+        let kind = self.variant.kind;
         let pass = targets.attach_after(frame.pass(kind.pass()), context, false);
         pass.vertices(polygons).draw(context.viewport(), |draw| {
             draw.cull_back_faces(false, false);
-            draw.bind(&self.pipeline, &[constants], &[]);
+            draw.bind(pipeline, &[constants], &[]);
             draw.vertices(polygons, 0);
             match kind {
                 PolygonKind::Splats => draw.draw_fans(0, count as u32),
                 PolygonKind::Patches => draw.draw_quads(0, count as u32),
             }
         });
+        Ok(())
     }
+}
+
+/// The pipeline of the rasterizer.
+///
+/// # Errors
+/// When a Vulkan call fails.
+fn pipeline(
+    gpu: &Arc<Gpu>,
+    PolygonVariant { kind, flags, .. }: PolygonVariant,
+    targets: &FrameTargets,
+) -> Result<ShaderPipeline, Error> {
+    let (vertex, fragment, topology): (&Shader, ShaderVariants, PrimitiveTopology) = match kind {
+        PolygonKind::Splats => (
+            &shaders::POLYGONS_SPLATS_VERT,
+            shaders::POLYGONS_SPLATS_FRAG,
+            PrimitiveTopology::Fans,
+        ),
+        PolygonKind::Patches => (
+            &shaders::POLYGONS_PATCHES_VERT,
+            shaders::POLYGONS_PATCHES_FRAG,
+            PrimitiveTopology::Quads,
+        ),
+    };
+    let description = PipelineDescription {
+        name: kind.pass(),
+        vertex,
+        fragment: Some(fragment.of(targets.normal().is_some())),
+        constants: &[],
+        record: POLYGON,
+        topology,
+        colors: targets.formats(),
+        depth: DepthMode::Nearest,
+        is_additive: false,
+    };
+    ShaderPipeline::for_flags(gpu, &description, flags)
 }
 
 impl PolygonKind {

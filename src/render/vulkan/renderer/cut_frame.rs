@@ -310,7 +310,7 @@ impl<'a> CutPasses<'a> {
         }
         if let Some(polygons) = polygons {
             let list: (&dyn AnyBuffer, usize) = (&lists.polygons, held.polygons);
-            polygons.record(frame, targets, list, context, constants);
+            polygons.record(frame, targets, list, context, constants)?;
         }
         if let Some(small) = small {
             let context = (context, !has_triangles);

@@ -15,7 +15,7 @@ use crate::render::vulkan::expand_ids::IdExpansion;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::{OpaqueSplats, SplatSource};
-use crate::render::vulkan::opaque::polygons::{PolygonKind, PolygonPasses};
+use crate::render::vulkan::opaque::polygons::{PolygonKind, PolygonPasses, PolygonVariant};
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
@@ -106,7 +106,7 @@ impl VulkanRenderer {
     }
 
     fn prepare_opaque(&mut self, plan: &FramePlan) -> Result<(), Error> {
-        if plan.may_use_compute {
+        if plan.may_use_compute && plan.technique == Technique::Opaque {
             let small = match &mut self.small {
                 Some(made) => made,
                 none => none.insert(ComputeRasterizer::new(&self.gpu, &self.targets)?),
@@ -132,7 +132,11 @@ impl VulkanRenderer {
         let Some(kind) = plan.settings.drawn_polygons().map(PolygonKind::of) else {
             return Ok(());
         };
-        let variant = (kind, plan.constants.flags);
+        let variant = PolygonVariant {
+            kind,
+            flags: plan.constants.flags,
+            by_compute: plan.may_use_compute,
+        };
         let spare = &mut self.spare_polygons;
         exchange(&mut self.polygons, spare, |made| made.variant == variant);
         if self.polygons.is_none() {

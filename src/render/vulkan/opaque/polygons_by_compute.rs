@@ -1,0 +1,127 @@
+//! Oriented polygons by compute: the picture of [`PolygonPasses`](crate::render::vulkan::opaque::polygons::PolygonPasses), with
+//! a 64-bit atomic maximum of depth and number in the place of the rasterizer.
+//!
+//! `polygons.nearest` goes over the pixels around each polygon, a workgroup a polygon, and asks each whether its ray meets it.
+//! `polygons.resolve` shades the one that a pixel kept, once.
+
+use crate::abi::specialization::{ARE_PATCHES, LOOKS_FIRST};
+use crate::abi::{OrientedPolygon, shaders};
+use crate::gpu::bind::BufferSlice;
+use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
+use crate::gpu::{Error, Gpu};
+use crate::render::compute_limits::storage_bytes;
+use crate::render::screen_bounds;
+use crate::render::technique::Technique;
+use crate::render::vulkan::opaque::polygons::{PolygonKind, PolygonVariant};
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::storage_ranges;
+use crate::render::vulkan::targets::{Context, FrameTargets};
+use std::sync::Arc;
+
+/// Invocations that share a polygon: the workgroup of the shader.
+const SHARERS: u32 = 32;
+
+/// Pipelines of one kind of polygons, and the buffer of the nearest, for one picture size.
+#[derive(Debug)]
+pub(crate) struct PolygonCompute {
+    nearest: ShaderPipeline,
+    resolve: ShaderPipeline,
+    keys: DeviceBuffer,
+    max_binding: u64,
+}
+
+impl PolygonCompute {
+    /// # Errors
+    /// When memory runs out or a Vulkan call fails.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        PolygonVariant { kind, flags, .. }: PolygonVariant,
+        targets: &FrameTargets,
+    ) -> Result<Self, Error> {
+        let are_patches = ARE_PATCHES.is(kind == PolygonKind::Patches);
+        let looks_first = LOOKS_FIRST.is(!gpu.info().is_cpu());
+        let description = PipelineDescription {
+            name: "polygons.resolve",
+            vertex: &shaders::COMPUTE_RESOLVE_VERT,
+            fragment: Some(shaders::POLYGONS_RESOLVE_FRAG.of(targets.normal().is_some())),
+            constants: &[are_patches],
+            record: VertexRecord::NOTHING,
+            topology: PrimitiveTopology::Triangles,
+            colors: targets.formats(),
+            depth: DepthMode::Nearest,
+            is_additive: false,
+        };
+        let size = [targets.color().width, targets.color().height];
+        Ok(Self {
+            nearest: ShaderPipeline::compute_for_flags(
+                gpu,
+                "polygons.nearest",
+                &shaders::POLYGONS_NEAREST_COMP,
+                &[are_patches, looks_first],
+                flags,
+            )?,
+            resolve: ShaderPipeline::for_flags(gpu, &description, flags)?,
+            keys: DeviceBuffer::new(
+                gpu,
+                "nearest polygons",
+                BufferUsage::Storage,
+                storage_bytes(Technique::Polygons, size),
+            )?,
+            max_binding: gpu.info().max_storage_range,
+        })
+    }
+
+    /// Passes polygons.clear, polygons.nearest and polygons.resolve: so many polygons of a list. Keeps what the targets hold
+    /// where it is nearer.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(crate) fn record(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        (polygons, count): (&dyn AnyBuffer, usize),
+        context: &Context,
+        constants: UniformBlock,
+    ) -> Result<(), Error> {
+        if count == 0 {
+            return Ok(());
+        }
+        let records = (polygons, size_of::<OrientedPolygon>() as u64);
+        let range = (0, count as u32);
+        let parts = storage_ranges::bound(frame, context, self.max_binding, records, range)?;
+        let keys = BufferSlice::whole(&self.keys);
+        let bytes = 8 * screen_bounds::pixels(context.rect_px);
+        frame.pass("polygons.clear").fill(&[(&self.keys, bytes)], 0);
+        let pass = frame
+            .pass("polygons.nearest")
+            .storage_read(polygons)
+            .storage(&self.keys);
+        pass.compute(|compute| {
+            for &(part, uniform, count) in &parts {
+                compute.bind(&self.nearest, &[constants, uniform], &[part, keys]);
+                compute.items(count * SHARERS);
+            }
+        });
+        let pass = targets
+            .attach_after(frame.pass("polygons.resolve"), context, false)
+            .fragment_storage(polygons)
+            .fragment_storage(&self.keys);
+        pass.draw_whole(|draw| {
+            for &(part, uniform, _) in &parts {
+                let uniforms = [constants, uniform];
+                draw.bind_storage(&self.resolve, &uniforms, &[], &[part, keys]);
+                raster_pass::cover(draw, &[context.rect_px]);
+            }
+        });
+        Ok(())
+    }
+}
+
+/// A list that fits one binding has room for its shared items.
+const _: () =
+    assert!(u32::MAX as usize / SHARERS as usize > (1 << 32) / size_of::<OrientedPolygon>());
