@@ -10,7 +10,7 @@ use crate::render::{AmbientOcclusion, EyeDome, Settings, screen_bounds};
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
 /// What every pass of a frame needs besides its resources.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct FrameContext {
     pub(crate) width: u32,
     pub(crate) height: u32,

@@ -166,7 +166,7 @@ pub(crate) struct PlannedPrimitives {
 }
 
 /// A frame, planned.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct FramePlan {
     /// [`DrawnParts::id`].
     pub(crate) drawn: u64,

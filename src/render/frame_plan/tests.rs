@@ -225,3 +225,40 @@ fn plans_of_the_same_lists_are_told_from_others() {
         key(&of_splat(SplatKind::Disc, 2.0), &view)
     );
 }
+
+#[test]
+fn plans_of_the_same_inputs_are_equal_and_others_are_not() {
+    let model = statue();
+    let facts = ModelFacts::of(&model);
+    let view = view_of(&model);
+    let mut moved = view;
+    moved.offset[0] += 0.01;
+    let parts = [FactedModel {
+        model: &model,
+        facts: &facts,
+        cut: None,
+    }];
+    let plan = |settings: &Settings, view: &View| {
+        let input = PlanInput {
+            parts: DrawnParts::new(&parts),
+            view,
+            outputs: PictureOutputs::default(),
+            capabilities: &CARD,
+            costs: None,
+        };
+        FramePlan::new(settings, &input).unwrap()
+    };
+    let base = of_splat(SplatKind::Square, 2.0);
+    // No draw list is told of it, but the whole plan is.
+    let red = Settings {
+        background: [1.0, 0.0, 0.0],
+        ..base
+    };
+    assert_eq!(plan(&base, &view), plan(&base, &view));
+    assert_ne!(plan(&base, &view), plan(&red, &view));
+    assert_ne!(plan(&base, &view), plan(&base, &moved));
+    assert_ne!(
+        plan(&base, &view),
+        plan(&of_splat(SplatKind::Square, 2.5), &view)
+    );
+}
