@@ -303,7 +303,7 @@ fn what_numbers_cannot_say_is_refused_by_name() {
     for (settings, word) in cases {
         match renderer.draw(&model, &mut scene, &view, &settings) {
             Err(Error::Unsupported { what, why }) => assert!(
-                what.contains("lists of numbers") && why.contains(word),
+                what.contains("lists of ids") && why.contains(word),
                 "{word}: {why}"
             ),
             other => panic!("{word}: {other:?}"),

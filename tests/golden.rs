@@ -218,7 +218,7 @@ fn compute_draws_the_goldens() {
     draws_the_goldens(&backend, PictureExecutor::Compute, GOLDEN_DEVICE);
 }
 
-/// What is chosen for a device with memory of its own: lists of numbers, cuts on the device, drawn by compute. A software device
+/// What is chosen for a device with memory of its own: lists of ids, cuts on the device, drawn by compute. A software device
 /// is told that it is one, and that it cuts sooner than the host.
 #[test]
 fn what_a_graphics_card_is_asked_for_are_the_goldens() {
@@ -260,7 +260,7 @@ fn what_a_graphics_card_is_asked_for_are_the_goldens() {
             }
         }
     }
-    println!("{by_ids} pictures of lists of numbers, {by_cut} of cuts on the device");
+    println!("{by_ids} pictures of lists of ids, {by_cut} of cuts on the device");
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert!(by_ids >= 20 && by_cut >= 10, "{by_ids}, {by_cut}");
 }

@@ -228,7 +228,7 @@ fn pages_do_not_show() {
             if !model.kind().is_surface() && !draws_clouds(case) {
                 continue;
             }
-            // Compute takes triangles where all are in one buffer, and the device expands lists of numbers there.
+            // Compute takes triangles where all are in one buffer, and the device expands lists of ids there.
             let s = Settings {
                 path: Path::Raster,
                 list_of: ListOf::Records,

@@ -114,7 +114,7 @@ fn check_times(profile: &FrameProfile, passes: &[&str], is_timed: bool) {
                 assert_eq!(t.of(stage), 0.0);
             }
         }
-        // A device with memory of its own makes its lists of numbers first.
+        // A device with memory of its own makes its lists of ids first.
         let is_drawn = |name: &&str| !name.starts_with("lists.");
         let counted = sample.counters.iter().map(|c| c.name).filter(is_drawn);
         assert_eq!(counted.collect::<Vec<_>>(), passes);
@@ -228,7 +228,7 @@ fn passes_stages_and_counters_hang_together() {
             // Draw lists and the one uniform block.
             let frame_constants = size_of::<surfel::abi::FrameConstants>() as u64;
             let blocks = sample.times.uploaded_bytes - counts.draw_list_bytes;
-            // A device with memory of its own makes its lists of numbers, which takes some more.
+            // A device with memory of its own makes its lists of ids, which takes some more.
             let most = if common::is_card() { 512 } else { 0 };
             assert!((frame_constants..=frame_constants + most).contains(&blocks));
         }

@@ -142,7 +142,7 @@ fn a_still_camera_is_not_cut_and_packed_again() {
                 let times = stand.draw(&view, &look);
                 assert_eq!(times.kept, KeptWork::Lists, "{what}");
                 assert_eq!(times.counts, first.counts, "{what}");
-                // The first has another block where the device makes its lists of numbers.
+                // The first has another block where the device makes its lists of ids.
                 let blocks = first.uploaded_bytes - first.counts.draw_list_bytes;
                 let fewer = blocks - times.uploaded_bytes;
                 assert!(fewer <= 256, "{what}: only uniform blocks");

@@ -220,7 +220,7 @@ pub fn cut_on_device(threshold_px: f32) -> BenchLine {
     }
 }
 
-/// `pop` with squares that the rasterizer draws, from draw lists of numbers and of records.
+/// `pop` with squares that the rasterizer draws, from draw lists of ids and of records.
 pub fn lists(threshold_px: f32) -> [BenchLine; 2] {
     [("ids", ListOf::Ids), ("records", ListOf::Records)].map(|(word, list_of)| BenchLine {
         name: format!("pop square by raster, lists of {word}, {threshold_px} px"),

@@ -134,9 +134,9 @@ enum PathName {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum CutOnName {
-    /// The device where it can and was measured to be faster, else the host
+    /// The device where it can and was measured to be faster, else the processor
     Auto,
-    /// The host
+    /// The processor
     Host,
     /// The device; an error where it cannot
     Device,
@@ -154,9 +154,9 @@ enum TraversalName {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum ListOfName {
-    /// Numbers where the device has memory of its own and they will do, else records
+    /// Ids where the device has memory of its own and they suffice, else records
     Auto,
-    /// Numbers of nodes and triangles, from which the device makes the records; an error where it cannot
+    /// Ids of nodes and triangles, from which the device makes the records; an error where it cannot
     Ids,
     /// Centers, normals and colors of splats, corners of triangles
     Records,

@@ -259,7 +259,7 @@ fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) ->
             info.name
         )),
         Some(info) => t.text(&info.name),
-        None => t.text("mirror: the CPU draws, without Vulkan"),
+        None => t.text("reference: the processor draws, without Vulkan"),
     }
     t.text(&format!(
         "{} frames, times in milliseconds\n",
@@ -379,7 +379,7 @@ fn proof(t: &mut Table, report: &ProfileReport) {
     }
     if let Some(ratio) = proof.device_of_host {
         t.text(&format!(
-            "  the device's time is {:.1} % of what the host saw from submission to end",
+            "  the device's time is {:.1} % of what the processor saw from submission to end",
             100.0 * ratio
         ));
     }

@@ -52,7 +52,7 @@ pub(crate) enum BackendChoice {
 /// Which device draws.
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct DeviceArgs {
-    /// Device by index or part of its name (see `surfel devices`); `cpu` and `mirror` stand for --backend cpu and reference
+    /// Device by index or part of its name (see `surfel devices`); `cpu` and `reference` stand for --backend cpu and reference
     #[arg(long, value_name = "NAME|INDEX")]
     device: Option<String>,
     /// Backend that draws
@@ -75,7 +75,7 @@ impl DeviceArgs {
     /// The backend of a window's frames.
     #[cfg(feature = "viewer")]
     pub(crate) fn window_backend(&self) -> Result<WindowBackend, Failure> {
-        let is_named = matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR));
+        let is_named = self.device.as_deref().is_some_and(Backend::is_of_processor);
         match self.backend {
             BackendChoice::Auto if !is_named => Ok(WindowBackend::Auto),
             BackendChoice::Vulkan if !is_named => Ok(WindowBackend::Vulkan),
@@ -93,7 +93,7 @@ impl DeviceArgs {
     pub(crate) fn open(&self) -> Result<Backend, Failure> {
         let options = self.options();
         if self.backend != BackendChoice::Auto && self.device.is_some() {
-            let is_named = matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR));
+            let is_named = self.device.as_deref().is_some_and(Backend::is_of_processor);
             if is_named || self.backend != BackendChoice::Vulkan {
                 return Err(usage("--backend cpu and reference have no --device"));
             }

@@ -1,4 +1,4 @@
-//! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
+//! One way to draw a model for everything that does not care how: on a Vulkan device, or by the reference on
 //! the CPU where there is none.
 
 mod cpu_pictures;
@@ -52,28 +52,35 @@ pub enum Backend {
     Vulkan(Arc<Gpu>),
     /// The processor's fast renderer; needs no driver. What it cannot draw is refused.
     Cpu,
-    /// Where there is no driver: the processor's fast renderer, and the mirror for what that cannot draw.
+    /// Where there is no driver: the processor's fast renderer, and the reference for what that cannot draw.
     WithoutDevice,
-    /// The mirrors, on the CPU. Exact and slow; needs no driver.
+    /// The reference, on the processor. Exact and slow; needs no driver.
     Mirror,
 }
 
 impl Backend {
-    /// The name that stands for the mirror where a device is asked for.
-    pub const MIRROR: &'static str = "mirror";
+    /// The name that stands for the reference where a device is asked for.
+    pub const REFERENCE: &'static str = "reference";
+    /// The older name of the reference.
+    const MIRROR: &'static str = "mirror";
     /// The name that stands for the processor's renderer where a device is asked for.
     pub const CPU: &'static str = "cpu";
 
-    /// Opens what `options.device` names: `cpu`, `mirror`, a device's index or a part of its name, or the best device.
+    /// Opens what `options.device` names: `cpu`, `reference` (or `mirror`), a device's index or a part of its name, or the best device.
     ///
     /// # Errors
     /// As [`Gpu::open`].
     pub fn open(options: &DeviceOptions) -> Result<Self, Error> {
         match options.device.as_deref() {
-            Some(Self::MIRROR) => Ok(Self::Mirror),
+            Some(Self::REFERENCE | Self::MIRROR) => Ok(Self::Mirror),
             Some(Self::CPU) => Ok(Self::Cpu),
             _ => Ok(Self::Device(Gpu::open(options)?)),
         }
+    }
+
+    /// Whether a name that a device is asked for by is that of a renderer of the processor.
+    pub fn is_of_processor(name: &str) -> bool {
+        matches!(name, Self::CPU | Self::REFERENCE | Self::MIRROR)
     }
 
     /// Name of the device.
@@ -81,7 +88,7 @@ impl Backend {
         match self {
             Self::Device(gpu) | Self::Vulkan(gpu) => &gpu.info().name,
             Self::Cpu | Self::WithoutDevice => Self::CPU,
-            Self::Mirror => Self::MIRROR,
+            Self::Mirror => Self::REFERENCE,
         }
     }
 
@@ -317,7 +324,7 @@ impl<'m> Engine<'m> {
         self.device.map(|device| device.scene)
     }
 
-    /// Lets the mirror snap positions to so many binary places of a pixel, 4..=8, in pictures that are compared with those
+    /// Lets the reference snap positions to so many binary places of a pixel, 4..=8, in pictures that are compared with those
     /// of a device ([`Gpu::info`] has its number); 8 at first. A device has its own.
     #[must_use]
     pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
@@ -376,7 +383,7 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// As [`VulkanRenderer::keep_lists`]; off at first. The mirror never does.
+    /// As [`VulkanRenderer::keep_lists`]; off at first. The reference never does.
     pub fn keep_lists(&mut self, keep: bool) {
         if let Some(device) = &mut self.device {
             device.renderer.keep_lists(keep);

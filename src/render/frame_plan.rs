@@ -184,7 +184,7 @@ pub(crate) struct FramePlan {
     pub(crate) may_use_compute: bool,
     /// Compute draws what the device chose, where it is small.
     pub(crate) draws_cut_by_compute: bool,
-    /// Draw lists name splats and triangles by numbers.
+    /// Draw lists hold ids of splats and triangles.
     pub(crate) uploads_ids: bool,
     /// Largest point that is drawn, pixels.
     pub(crate) max_point_px: f32,
@@ -470,10 +470,10 @@ fn uploads_ids(
     match (settings.list_of, refusal) {
         (ListOf::Records, _) | (ListOf::Auto, Some(_)) => Ok(false),
         (ListOf::Ids, Some(why)) => Err(Error::Unsupported {
-            what: "draw lists of numbers",
+            what: "draw lists of ids",
             why: why.into(),
         }),
-        // What a software device calls its own is the host's memory: the tree would be there twice.
+        // What a software device calls its own is the processor's memory: the tree would be there twice.
         (ListOf::Auto, None) => Ok(!capabilities.is_software && capabilities.fits_tree),
         (ListOf::Ids, None) => Ok(true),
     }

@@ -42,7 +42,7 @@ pub enum SplatKind {
 }
 
 impl SplatKind {
-    /// Whether the host can draw such splats in the place of a software device.
+    /// Whether the processor can draw such splats in the place of a software device.
     pub fn host_draws(self) -> bool {
         matches!(self, Self::Square | Self::Disc | Self::Filtered)
     }
@@ -56,9 +56,9 @@ pub enum Blend {
     Opaque,
     /// Two passes and a division: the weighted mean of all within the depth offset of the front.
     TwoPass,
-    /// One pass with a depth threshold. Depends on the order of drawing; on the mirror only.
+    /// One pass with a depth threshold. Depends on the order of drawing; in the reference only.
     DepthThreshold,
-    /// One pass with a depth range a pixel. Depends on the order of drawing; on the mirror only.
+    /// One pass with a depth range a pixel. Depends on the order of drawing; in the reference only.
     DepthRange,
 }
 
@@ -114,16 +114,16 @@ pub enum Path {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CutOn {
-    /// The device where it can and was measured to be faster, else the host.
+    /// The device where it can and was measured to be faster, else the processor.
     #[default]
     Auto,
-    /// The host.
+    /// The processor.
     Host,
     /// The device; refused where it cannot.
     Device,
 }
 
-/// Where the host starts when it chooses the cut of a frame. The picture is the same to the bit.
+/// Where the processor starts when it chooses the cut of a frame. The picture is the same to the bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Traversal {
@@ -137,7 +137,7 @@ pub enum Traversal {
     Coherent,
 }
 
-/// What the host tells a device of the splats and triangles of a cut. The picture is the same.
+/// What the processor tells a device of the splats and triangles of a cut. The picture is the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ListOf {
@@ -241,7 +241,7 @@ pub struct Settings {
     /// When splats are lit.
     pub shading: Shading,
     /// Of what the sums of blended splats are made; `None` is 32-bit floats where the device can blend them, else 16-bit.
-    /// The mirror has 32-bit floats.
+    /// The reference has 32-bit floats.
     pub sums: Option<SumFormat>,
     /// Standard deviation of the Gaussian that [`SplatKind::Gauss`] splats are widened by where they are blended,
     /// pixels, 0 to 16; `None` is the usual one, [`Settings::low_pass_px`].
@@ -252,7 +252,7 @@ pub struct Settings {
     pub path: Path,
     /// What chooses the cut on a device.
     pub cut_on: CutOn,
-    /// Where the host starts when it chooses a cut.
+    /// Where the processor starts when it chooses a cut.
     pub traversal: Traversal,
     /// What draw lists hold on a device.
     pub list_of: ListOf,

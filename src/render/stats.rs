@@ -204,7 +204,7 @@ impl RunningStage {
     }
 }
 
-/// When the parts of a frame began, on the host's clock; `None` for what the frame did not do.
+/// When the parts of a frame began, on the processor's clock; `None` for what the frame did not do.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct StageStarts {
     /// The frame.

@@ -72,12 +72,12 @@ pub const BLENDS: &[NamedChoice<Option<Blend>>] = &[
     (
         Some(Blend::DepthThreshold),
         "depth-threshold",
-        "One pass with a depth threshold; on the mirror only",
+        "One pass with a depth threshold; in the reference only",
     ),
     (
         Some(Blend::DepthRange),
         "depth-range",
-        "One pass with a depth range a pixel; on the mirror only",
+        "One pass with a depth range a pixel; in the reference only",
     ),
 ];
 

@@ -264,7 +264,7 @@ fn drive(
             };
             let told = match device.tells_parts {
                 true => took,
-                // The host's clock is always there.
+                // The processor's clock is always there.
                 false => TimeTaken {
                     picture_ms: 0.0,
                     draw_ms: took.picture_ms + took.draw_ms,

@@ -155,7 +155,7 @@ fn the_device_chooses_cuts_where_it_is_asked_or_sooner() {
 }
 
 #[test]
-fn lists_hold_numbers_where_the_device_has_memory_of_its_own() {
+fn lists_hold_ids_where_the_device_has_memory_of_its_own() {
     let ids = |list_of, splat, capabilities| {
         let settings = Settings {
             list_of,
@@ -179,7 +179,7 @@ fn lists_hold_numbers_where_the_device_has_memory_of_its_own() {
     assert!(ids(ListOf::Ids, square, &software).unwrap());
     assert!(!ids(ListOf::Auto, SplatKind::Filtered, &CARD).unwrap());
     let refused = ids(ListOf::Ids, SplatKind::Filtered, &CARD).unwrap_err();
-    assert!(refused.to_string().contains("numbers"), "{refused}");
+    assert!(refused.to_string().contains("lists of ids"), "{refused}");
 }
 
 #[test]

@@ -62,7 +62,7 @@ impl ViewerApp {
         events
     }
 
-    /// Whether the device works while the host does.
+    /// Whether the device works while the processor does.
     fn frames_overlap(&self) -> bool {
         !self.screen.gpu().info().is_cpu()
     }
@@ -240,7 +240,7 @@ impl ViewerApp {
             return Ok(shown);
         }
         if is_held && !self.frames_overlap() {
-            // The device works with the processor of the host: a cut that is chosen meanwhile takes longer by what it
+            // The device works with the processor: a cut that is chosen meanwhile takes longer by what it
             // waits for the device, which is no work of its frame, and the frame is not done sooner.
             self.screen.finish()?;
         }
