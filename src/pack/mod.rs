@@ -115,6 +115,8 @@ pub struct Style {
     /// Binary places of window positions after snapping, 4..=8: those of the device that the picture is compared with
     /// (`subPixelPrecisionBits`). 8 is what lavapipe and the common GPUs report.
     pub subpixel_bits: u32,
+    /// Share of the light that white surfaces give back: [`ALBEDO`], but where a test of pictures needs wrong ones.
+    pub albedo: f32,
 }
 
 impl Default for Style {
@@ -134,6 +136,7 @@ impl Default for Style {
             use_colors: true,
             depth_offset: 3.0,
             subpixel_bits: 8,
+            albedo: ALBEDO,
         }
     }
 }

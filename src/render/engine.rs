@@ -334,6 +334,16 @@ impl<'m> Engine<'m> {
         self
     }
 
+    /// Gives the reference another albedo than every renderer has, so that tests see their comparisons fail.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_wrong_albedo(mut self, albedo: f32) -> Self {
+        if let Some(reference) = &mut self.reference {
+            reference.set_albedo(albedo);
+        }
+        self
+    }
+
     /// The backends that it has.
     fn available(&self) -> AvailableBackends {
         AvailableBackends {

@@ -37,6 +37,8 @@ pub(in crate::render) struct MirrorEngine {
     pub(in crate::render) outputs: PictureOutputs,
     /// As [`Style::subpixel_bits`].
     subpixel_bits: u32,
+    /// As [`Style::albedo`].
+    albedo: f32,
     selector: CutSelector,
     cuts: PartCuts,
     /// The picture of the last frame.
@@ -63,10 +65,15 @@ struct PackedLists<'m> {
 
 impl MirrorEngine {
     pub(in crate::render) fn new(outputs: PictureOutputs) -> Self {
-        let subpixel_bits = Style::default().subpixel_bits;
+        let Style {
+            subpixel_bits,
+            albedo,
+            ..
+        } = Style::default();
         Self {
             outputs,
             subpixel_bits,
+            albedo,
             selector: CutSelector::default().with_subpixel_bits(subpixel_bits),
             cuts: PartCuts::default(),
             image: Image::default(),
@@ -78,6 +85,11 @@ impl MirrorEngine {
     pub(in crate::render) fn set_subpixel_bits(&mut self, bits: u32) {
         self.subpixel_bits = bits;
         self.selector = CutSelector::default().with_subpixel_bits(bits);
+    }
+
+    /// Takes another [`Style::albedo`], for pictures that are to be wrong.
+    pub(in crate::render) fn set_albedo(&mut self, albedo: f32) {
+        self.albedo = albedo;
     }
 
     /// Draws a frame of settings that fit what is drawn and the view.
@@ -94,6 +106,7 @@ impl MirrorEngine {
         let style = Style {
             depth_range: depth_range(facts.orbit_center, facts.orbit_radius, view),
             subpixel_bits: self.subpixel_bits,
+            albedo: self.albedo,
             ..style(settings, facts)
         };
         let mut lists = PackedLists::default();
@@ -412,8 +425,7 @@ fn joined_triangles<'m>(
     Cow::Owned(all)
 }
 
-/// How primitives look under `settings`, but for [`Style::depth_range`] and
-/// [`Style::subpixel_bits`].
+/// How primitives look under `settings`, but for [`Style::depth_range`], [`Style::subpixel_bits`] and [`Style::albedo`].
 pub fn style(settings: &Settings, facts: impl Into<DrawnFacts>) -> Style {
     let facts = facts.into();
     Style {

@@ -6,7 +6,7 @@ use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
 use crate::pack::lit_sphere::SphereLights;
-use crate::pack::{ALBEDO, ColorBy, Lighting, Phong, Source, Style, falsecolor};
+use crate::pack::{ColorBy, Lighting, Phong, Source, Style, falsecolor};
 use crate::render::reference::bands::ShownPixel;
 use glam::{DMat3, DQuat, DVec3, DVec4, Vec3};
 
@@ -73,6 +73,8 @@ pub(super) struct SurfaceShading {
     /// Distance along the view direction of a position.
     distance: DVec4,
     depth_range: [f32; 2],
+    /// [`Style::albedo`].
+    albedo: f32,
 }
 
 impl SurfaceShading {
@@ -106,6 +108,7 @@ impl SurfaceShading {
             color_by: style.color_by,
             distance: -view.view_from_model.row(2).as_dvec4(),
             depth_range: style.depth_range,
+            albedo: style.albedo,
         }
     }
 
@@ -135,7 +138,7 @@ impl SurfaceShading {
         let to_light = toward(self.light, position);
         let color = self.color_of_surface(kind, color);
         // The shader's constant is single precision; so is this one.
-        let albedo = f64::from(ALBEDO);
+        let albedo = f64::from(self.albedo);
         if let Some(phong) = &self.phong {
             let to_eye = toward(self.eye, position);
             let lit = self.in_lamp(phong, to_eye, to_light, normal, albedo * color);
