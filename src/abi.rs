@@ -56,9 +56,9 @@ pub struct SplatId {
 impl SplatId {
     /// The splat is a leaf.
     pub const LEAF: u32 = 1 << 31;
-    /// It has its sphere's radius where others have the constant size.
+    /// The splat has its sphere's radius where others have the constant size.
     pub const OF_OWN_SIZE: u32 = 1 << 30;
-    /// It lies in the plane of its triangle.
+    /// The splat lies in the plane of its triangle.
     pub const IN_PLANE: u32 = 1 << 29;
 
     /// A node as one splat.

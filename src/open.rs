@@ -39,10 +39,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How to open a model. The default keeps the vertices of a file as they are.
+/// Options of opening a model. The default keeps the vertices of a file as they are.
 #[derive(Debug, Clone, Default)]
 pub struct OpenOptions {
-    /// How files are read, and what is too much.
+    /// Options of reading files, and limits.
     pub input: input::Options,
     /// Let the first view frame everything, however far off ([`Model::framed`] is then `None`).
     pub frame_all: bool,
@@ -52,14 +52,14 @@ pub struct OpenOptions {
     pub streams_pages: bool,
     /// Place and color of the model; trees, which are built already, have their own.
     pub placement: MeshPlacement,
-    /// What is kept of the model; its tree is that of the whole, cut down ([`Model::kept`]).
+    /// Points that are kept of the model; its tree is that of the whole, cut down ([`Model::kept`]).
     pub keep: PointFilter,
-    /// How the tree is built. A crease angle replaces the normals of the file; without one these are kept, and where there
+    /// Options of building the tree. A crease angle replaces the normals of the file; without one these are kept, and where there
     /// are none the angle is [`USUAL_CREASE_DEGREES`].
     pub tree: BuildOptions,
 }
 
-/// Where a model comes from.
+/// Source of a model.
 #[derive(Debug, Clone)]
 pub enum ModelSource {
     /// A file: a model or a tree.
@@ -112,7 +112,7 @@ impl ModelSource {
     }
 }
 
-/// Whether a name is an address: a scheme, `://` and more.
+/// Tells whether a name is an address: a scheme, `://` and more.
 fn is_address(name: &str) -> bool {
     name.split_once("://").is_some_and(|(scheme, _)| {
         scheme.starts_with(|c: char| c.is_ascii_alphabetic())
@@ -122,7 +122,7 @@ fn is_address(name: &str) -> bool {
     })
 }
 
-/// What a model was read as.
+/// Format that a model was read as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SourceFormat {
     /// A model file of this format.
@@ -164,7 +164,7 @@ impl fmt::Display for SourceFormat {
     }
 }
 
-/// How a scene is looked at.
+/// View that a scene is looked at in.
 #[derive(Debug, Clone)]
 pub struct SceneView {
     /// The camera, with the size of the picture.
@@ -231,17 +231,17 @@ pub struct OpenedModel {
     pub model: Model,
     /// The source as it was named.
     pub name: String,
-    /// What it was read as.
+    /// Format that it was read as.
     pub format: SourceFormat,
     /// Size of the file as stored, bytes; 0 without a file.
     pub file_bytes: u64,
-    /// How many things the source holds, before anything was divided, merged or left out.
+    /// Numbers of things that the source holds, before anything was divided, merged or left out.
     pub counts: Counts,
-    /// What was repaired or left out.
+    /// Warnings of what was repaired or left out.
     pub warnings: Vec<Warning>,
-    /// What the file holds, part by part, and what became of it; empty where it is no model file.
+    /// Parts of the file, and what became of each; empty where it is no model file.
     pub parts: Vec<FilePart>,
-    /// What the points of a cloud carry beside position, normal and color, in the order of the model's vertices; empty for
+    /// Attributes of the points of a cloud beside position, normal and color, in the order of the model's vertices; empty for
     /// most models and for tree files.
     pub attributes: PointAttributes,
     /// Normals of points are estimated: the file has none.
@@ -250,7 +250,7 @@ pub struct OpenedModel {
     pub paged: Option<PagedFile>,
     /// The axis that is up, as far as format and place tell.
     pub up: UpGuess,
-    /// How it is looked at, where it is a scene.
+    /// View of the scene, where it is one.
     pub scene: Option<SceneView>,
     /// Time to read or generate it, milliseconds.
     pub load_ms: f64,
@@ -271,8 +271,8 @@ pub fn open(
     open_with_preview(source.as_ref(), options, progress, &mut |_| ())
 }
 
-/// As [`open()`]; `on_mesh` sees the mesh before its tree is built, so that a coarse picture of it can be shown meanwhile.
-/// A tree file has no such moment.
+/// Opens as [`open()`] does; `on_mesh` sees the mesh before its tree is built, so that a coarse picture of it can be shown
+/// meanwhile. A tree file has no such moment.
 ///
 /// # Errors
 /// As [`open()`].
@@ -379,7 +379,7 @@ fn place(mut content: Content, placement: &MeshPlacement) -> Result<Content, Str
     Ok(content)
 }
 
-/// What a source holds.
+/// Content of a source.
 enum Content {
     Mesh(Mesh),
     /// Points whose radii are known.
@@ -387,7 +387,7 @@ enum Content {
     Model(Box<Model>),
 }
 
-/// What a source holds, with its facts.
+/// Content of a source, with its facts.
 struct SourceContent {
     content: Content,
     format: SourceFormat,

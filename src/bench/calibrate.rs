@@ -61,7 +61,7 @@ impl CalibrationPart {
         Self::Nodes,
     ];
 
-    /// Those that decide how `settings` are drawn where nobody insists on a path; none where nothing is left to decide.
+    /// Parts that decide how `settings` are drawn where nobody insists on a path; none where nothing is left to decide.
     pub fn of(settings: &Settings) -> &'static [Self] {
         let is_opaque = settings.blend() == Blend::Opaque;
         match settings.splat {
@@ -104,7 +104,7 @@ pub struct DeviceKey {
 }
 
 impl DeviceKey {
-    /// That of a device and this program.
+    /// Key of a device and this program.
     pub fn of(gpu: &Gpu) -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
@@ -141,7 +141,7 @@ pub struct DeviceCalibration {
 pub struct FoundCalibration {
     /// The calibration.
     pub calibration: DeviceCalibration,
-    /// Its file; `None` where the system has no cache folder.
+    /// File it is kept in; `None` where the system has no cache folder.
     pub file: Option<PathBuf>,
     /// Some of it was measured just now.
     pub is_new: bool,
@@ -274,7 +274,7 @@ impl DeviceCalibration {
         })
     }
 
-    /// It, and the parts of an older one that it does not have.
+    /// Joins the parts of an older calibration that this one does not have.
     fn and(mut self, old: Option<Self>) -> Self {
         let Some(old) = old else { return self };
         let kept = old.parts.iter().filter(|part| !self.parts.contains(part));

@@ -12,7 +12,7 @@ use glam::DVec3;
 /// A model of the run.
 #[derive(Debug, Clone, Copy)]
 pub struct BenchCase<'m> {
-    /// Its name.
+    /// Name of the case.
     pub name: &'m str,
     /// The model.
     pub model: &'m Model,
@@ -45,7 +45,7 @@ impl CaseStandard {
         }
     }
 
-    /// Its triangles.
+    /// Number of triangles of the model.
     pub fn triangles(self) -> u64 {
         match self {
             Self::Sphere => 1_000_000,
@@ -72,7 +72,7 @@ impl BenchCase<'_> {
         CaseStandard::of(self.name, self.model.triangles.len() as u64)
     }
 
-    /// It, in pictures of a size at a distance.
+    /// Place of the case in pictures of a size at a distance.
     pub fn place(&self, size: (u32, u32), fill: f64) -> BenchPlace {
         BenchPlace {
             model: self.name.to_owned(),
@@ -112,11 +112,11 @@ impl BenchCase<'_> {
 /// One way to draw.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BenchLine {
-    /// Its name in tables.
+    /// Name of the line in tables.
     pub name: String,
     /// How.
     pub settings: Settings,
-    /// It is slow and always the same: drawn from every third view only, where there are many.
+    /// Slow and always the same: drawn from every third view only, where there are many.
     pub is_rare: bool,
 }
 

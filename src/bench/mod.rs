@@ -87,7 +87,7 @@ pub fn threads() -> usize {
 pub struct BenchSession {
     /// The device.
     pub backend: Backend,
-    /// Its calibration, measured anew for this run.
+    /// Calibration of the device, measured anew for this run.
     pub found: FoundCalibration,
     /// How fast bytes move.
     pub bandwidth: MemoryBandwidth,

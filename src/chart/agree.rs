@@ -35,7 +35,7 @@ pub struct ReferenceAgreement {
     pub fill: f64,
     /// How many ratios there are in both.
     pub compared: usize,
-    /// Those that are farther apart than [`LARGEST_FACTOR`], the worst first.
+    /// Ratios that are farther apart than [`LARGEST_FACTOR`], the worst first.
     pub off: Vec<CountRatio>,
     /// Median over the choices (without triangles) of the second speed over the first. Far from 1 it is the time of
     /// triangles that differs, and with it every ratio.

@@ -54,7 +54,7 @@ struct CalibrationEntry {
     frame_ms: f64,
     /// Mean FLIP of each view.
     flip: Vec<f64>,
-    /// That of each held view.
+    /// Mean FLIP of each held view.
     held: Vec<f64>,
 }
 
@@ -87,7 +87,7 @@ pub struct ChosenConfiguration {
     pub is_met: bool,
     /// Largest mean FLIP of the calibrated views.
     pub flip: f64,
-    /// Its frame there, milliseconds.
+    /// Time of its frame there, milliseconds.
     pub frame_ms: f64,
     /// Held views above the bound, and all of them; `None` without a bound on the error.
     pub misses: Option<[usize; 2]>,
@@ -102,7 +102,7 @@ const HELD: u32 = 2;
 const SLACK: f64 = 0.9;
 
 impl CalibrationKey {
-    /// That of a model on a device, in pictures of one size.
+    /// Key of a model on a device, in pictures of one size.
     pub fn of(backend: &Backend, model: &Model, (width, height): (u32, u32)) -> Self {
         let primitives = model.tree.leaves.len().max(1);
         Self {

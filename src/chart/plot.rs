@@ -23,7 +23,7 @@ pub struct PlotMetric {
     pub key: &'static str,
     /// Name on the axis.
     pub label: &'static str,
-    /// Its value; 0 is best.
+    /// Value of a point; 0 is best.
     pub of: fn(&SummaryPoint) -> f64,
     /// How a value is written at the axis.
     pub show: fn(f64) -> String,

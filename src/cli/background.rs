@@ -24,7 +24,7 @@ pub(crate) struct BackgroundArgs {
     /// the lower edge, or gradient; in surfel render transparent (PNG and EXR with alpha)
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_background)]
     background: BackgroundChoice,
-    /// This command writes pictures with alpha.
+    /// Pictures of the command may have alpha.
     #[arg(skip)]
     pub(crate) may_be_transparent: bool,
 }

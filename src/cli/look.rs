@@ -288,7 +288,7 @@ impl LookArgs {
         self.threshold.get_or_insert(pixels);
     }
 
-    /// This look with the options in `text` (separated by blanks) instead of what they say otherwise.
+    /// Varies the look by the options in `text` (separated by blanks), which replace what it says otherwise.
     pub(crate) fn varied(&self, text: &str) -> Result<Self, Failure> {
         // Without default values only what is written comes out; flags can be added and not taken back.
         let mut command =

@@ -103,7 +103,7 @@ pub(crate) enum NormalsChoice {
     Flat,
     /// Computed: smooth but for edges of more than --crease degrees
     Smooth,
-    /// Those of the file; where it has none, smooth
+    /// Normals of the file; where it has none, smooth
     File,
 }
 
@@ -149,10 +149,10 @@ enum SplitChoice {
 /// Whether images are read.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 enum TextureChoice {
-    /// They are, up to 2 GiB of them with their smaller sizes; beyond that at half their size or less.
+    /// Images are read, up to 2 GiB of them with their smaller sizes; beyond that at half their size or less.
     #[default]
     On,
-    /// They are not.
+    /// Images are left out.
     Off,
 }
 

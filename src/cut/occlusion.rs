@@ -97,7 +97,7 @@ impl DepthMark {
         distance: NOTHING,
     };
 
-    /// That of some columns and rows, at most [`MOST_PIXELS`] pixels.
+    /// Mark of some columns and rows, at most [`MOST_PIXELS`] pixels.
     fn of(first: u32, [columns, rows]: [u32; 2], asked: u32) -> Self {
         match columns * rows {
             0 => Self::HIDDEN,

@@ -108,13 +108,13 @@ impl FailureFigure {
 pub struct FailureCase {
     /// The scene.
     pub entry: &'static SceneEntry,
-    /// Its threshold, pixels.
+    /// Threshold of the scene, pixels.
     pub threshold_px: f32,
-    /// Its tree.
+    /// Tree of the scene.
     pub model: Model,
-    /// Its camera.
+    /// Camera of the scene.
     pub view: View,
-    /// Its closed forms.
+    /// Closed forms of the scene.
     pub expected: ExpectedFigures,
     /// The truth: triangles, nothing culled, 16 samples a pixel; none for clouds.
     pub truth: Option<FloatImage>,

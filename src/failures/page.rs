@@ -20,7 +20,7 @@ pub struct Shot {
 pub struct SceneRow {
     /// The scene.
     pub entry: &'static SceneEntry,
-    /// Its threshold, pixels.
+    /// Threshold of the scene, pixels.
     pub threshold_px: f32,
     /// The truth, made small; none for clouds.
     pub truth: Option<Image>,

@@ -76,7 +76,7 @@ pub enum Error {
         positions: usize,
         /// The array that does not match.
         what: &'static str,
-        /// Its length.
+        /// Length of that array.
         found: usize,
     },
     /// The file could not be written.

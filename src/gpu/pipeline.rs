@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// What a pipeline draws.
+/// Primitives that a pipeline draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PrimitiveTopology {
     /// Separate triangles.
@@ -28,7 +28,7 @@ pub enum PrimitiveTopology {
     Fans,
 }
 
-/// What a graphics pipeline is made of.
+/// Parts that a graphics pipeline is made of.
 #[derive(Debug, Clone, Copy)]
 pub struct PipelineDescription<'a> {
     /// Name, as in captures.
@@ -41,26 +41,26 @@ pub struct PipelineDescription<'a> {
     pub constants: &'a [ConstantValue],
     /// Vertex record.
     pub record: VertexRecord,
-    /// What is drawn.
+    /// Primitives that are drawn.
     pub topology: PrimitiveTopology,
     /// Color targets in order of location.
     pub colors: &'a [ImageFormat],
-    /// What happens with the [`ImageFormat::Depth32`] target.
+    /// Use of the [`ImageFormat::Depth32`] target.
     pub depth: DepthMode,
     /// Add to the color targets instead of replacing.
     pub is_additive: bool,
 }
 
-/// What a pipeline does with depth (reversed: nearer is greater).
+/// Use that a pipeline makes of depth (reversed: nearer is greater).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthMode {
     /// There is no depth target.
     None,
     /// Nearer passes and is written; the first drawn wins a tie.
     Nearest,
-    /// What is not farther passes and is written; the last drawn wins a tie.
+    /// Fragments that are not farther pass and are written; the last drawn wins a tie.
     NotFarther,
-    /// What is not farther passes; nothing is written.
+    /// Fragments that are not farther pass; nothing is written.
     TestOnly,
 }
 
@@ -132,8 +132,8 @@ impl ShaderPipeline {
         Self::with(gpu, description, 0, false)
     }
 
-    /// As [`new`](ShaderPipeline::new), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone: shaders then
-    /// neither look at the flags of the frame nor branch on them.
+    /// Makes a pipeline as [`new`](ShaderPipeline::new) does, for frames whose [flags](crate::abi::FrameConstants::flags) are
+    /// these alone: shaders then neither look at the flags of the frame nor branch on them.
     ///
     /// # Errors
     /// As [`new`](ShaderPipeline::new).
@@ -145,7 +145,7 @@ impl ShaderPipeline {
         Self::with(gpu, description, flags | constants::FLAGS_ARE_KNOWN, false)
     }
 
-    /// As [`new`](ShaderPipeline::new), drawing over what is there by premultiplied alpha.
+    /// Makes a pipeline as [`new`](ShaderPipeline::new) does that draws over what is there by premultiplied alpha.
     #[cfg(feature = "viewer")]
     pub(super) fn over(
         gpu: &Arc<Gpu>,
@@ -190,7 +190,8 @@ impl ShaderPipeline {
         Self::compute_with(gpu, name, shader, (constants, 0))
     }
 
-    /// As [`compute`](ShaderPipeline::compute), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone.
+    /// Makes a pipeline as [`compute`](ShaderPipeline::compute) does, for frames whose
+    /// [flags](crate::abi::FrameConstants::flags) are these alone.
     ///
     /// # Errors
     /// As [`compute`](ShaderPipeline::compute).
@@ -469,7 +470,7 @@ const CACHE_MAGIC: &[u8; 8] = b"SURFPC01";
 /// A cache larger than this is not ours.
 const CACHE_LIMIT: u64 = 64 << 20;
 
-/// Where the cache of this device lives: one file per device and driver.
+/// Path of the cache of this device: one file per device and driver.
 fn cache_path(gpu: &Gpu) -> Option<PathBuf> {
     let folder = match std::env::var_os("SURFEL_CACHE") {
         Some(folder) if !folder.is_empty() => PathBuf::from(folder),

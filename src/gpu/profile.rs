@@ -27,7 +27,7 @@ pub struct SelfTestRow {
     pub alone_ms: f64,
 }
 
-/// Whether the pass times of a device can be believed.
+/// Proof that the pass times of a device can be believed, or not.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct SelfTest {
     /// Each pass; empty when the device has no timestamps.
@@ -300,20 +300,20 @@ fn splat(u: f32, v: f32, z: f32) -> Splat {
 pub struct CounterRow {
     /// Name of the counter: `samples` or one of [`PipelineStatistics::named`].
     pub name: &'static str,
-    /// What the draws of [`counter_test`] come to, one after the other.
+    /// Counts that the draws of [`counter_test`] come to, one after the other.
     pub expected: [u64; 3],
-    /// What the device counted; `None` where it has no such counter.
+    /// Counts of the device; `None` where it has no such counter.
     pub counted: Option<[u64; 3]>,
 }
 
 impl CounterRow {
-    /// Whether the device counts this exactly.
+    /// Tells whether the device counts this exactly.
     pub fn is_exact(&self) -> bool {
         self.counted == Some(self.expected)
     }
 }
 
-/// Which counters of a device can be believed.
+/// Proof of which counters of a device can be believed.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct CounterTest {
     /// Each counter.
@@ -321,7 +321,7 @@ pub struct CounterTest {
 }
 
 impl CounterTest {
-    /// Whether the counter of this name is exact on the device.
+    /// Tells whether the counter of this name is exact on the device.
     pub fn is_exact(&self, name: &str) -> bool {
         self.rows.iter().any(|r| r.name == name && r.is_exact())
     }

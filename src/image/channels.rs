@@ -12,7 +12,7 @@ use std::path::Path;
 /// A channel of a picture file: red, alpha, depth, whatever it is called.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PictureChannel {
-    /// Its name; with the name of its layer and a dot before it where that is not the first.
+    /// Name of the channel; with the name of its layer and a dot before it where that is not the first.
     pub name: String,
     /// Width in pixels.
     pub width: usize,

@@ -31,7 +31,7 @@ const WHITE: [u8; 4] = [255; 4];
 /// Where the faces of one material begin.
 #[derive(Debug)]
 pub(super) struct MaterialRun {
-    /// Their first triangle.
+    /// First triangle of these faces.
     pub(super) first: usize,
     /// The material's name as written.
     pub(super) name: Vec<u8>,

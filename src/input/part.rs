@@ -7,7 +7,7 @@ use super::{Place, Warning};
 /// A part of a file and what became of it: an element, a property, a kind of line, a material, a texture, a block.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FilePart {
-    /// Its kind and name, such as "vertex property quality".
+    /// Kind and name of the part, such as "vertex property quality".
     pub name: String,
     /// How many rows, lines or bytes there are of it.
     pub count: u64,
@@ -20,11 +20,11 @@ pub struct FilePart {
 /// What became of a part of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PartFate {
-    /// It is in the mesh.
+    /// The part is in the mesh.
     Used,
-    /// It is kept beside the mesh, as an attribute of its points.
+    /// The part is kept beside the mesh, as an attribute of its points.
     Kept,
-    /// It would change the picture, and is not in the mesh.
+    /// The part would change the picture, and is not in the mesh.
     LeftOut,
     /// No picture depends on it: names, groups, comments.
     Unneeded,

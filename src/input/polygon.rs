@@ -21,7 +21,7 @@ const PIECE: usize = 1 << 13;
 /// Faces of one number of corners, one after the other.
 #[derive(Debug, Clone, Copy)]
 struct Run {
-    /// Its first triangle.
+    /// First triangle of the run.
     first: usize,
     corners: usize,
     count: usize,

@@ -61,7 +61,7 @@ pub enum Warning {
     },
     /// A material file could not be read; its colors are missing.
     MaterialFileMissing {
-        /// Its name as written in the model.
+        /// Name as written in the model.
         name: String,
         /// Why.
         reason: String,
@@ -140,7 +140,7 @@ pub enum Warning {
     },
     /// Colors stand for an attribute.
     ColoredBy {
-        /// Its name.
+        /// Name of the attribute.
         name: String,
         /// What the colors mean.
         meaning: String,
@@ -165,7 +165,7 @@ pub enum Warning {
     },
     /// Parts that would change the picture were left out.
     LeftOut {
-        /// Their names.
+        /// Names of the parts.
         parts: Vec<String>,
     },
     /// A trained Gaussian-splat file, drawn as the points in the middle of the splats.
@@ -202,7 +202,7 @@ pub enum Warning {
     },
     /// A part that the format asks for is missing; the mesh is usable without.
     PartMissing {
-        /// Its name.
+        /// Name of the part.
         what: &'static str,
     },
 }

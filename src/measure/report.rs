@@ -26,11 +26,11 @@ pub struct FrameReport {
 /// One pass.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PassReport {
-    /// Its name.
+    /// Name of the pass.
     pub name: &'static str,
-    /// Its time on the device in the frames that had it, milliseconds; `None` without timestamps.
+    /// Time on the device in the frames that had the pass, milliseconds; `None` without timestamps.
     pub gpu_ms: Option<ValueDistribution>,
-    /// Its part of the time of all passes, 0 to 1.
+    /// Part of the time of all passes, 0 to 1.
     pub share: f64,
     /// Frames that had it.
     pub frames: usize,
@@ -49,7 +49,7 @@ pub struct PassReport {
 /// One counter of the pipeline in one pass.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CounterReport {
-    /// Its name, one of [`PipelineStatistics::named`].
+    /// Name of the counter, one of [`PipelineStatistics::named`].
     pub name: &'static str,
     /// What it counted.
     pub count: ValueDistribution,
@@ -58,11 +58,11 @@ pub struct CounterReport {
 /// One stage on the CPU.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StageReport {
-    /// Its name.
+    /// Name of the stage.
     pub name: &'static str,
-    /// Its time, milliseconds.
+    /// Time of the stage, milliseconds.
     pub ms: ValueDistribution,
-    /// Its part of the time of all frames, 0 to 1.
+    /// Part of the time of all frames, 0 to 1.
     pub share: f64,
 }
 

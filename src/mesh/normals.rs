@@ -13,7 +13,7 @@ use super::Mesh;
 /// What a face counts at its corner.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Weighting {
-    /// Its area.
+    /// The face's area.
     #[default]
     Area,
     /// The angle between its edges at the corner.

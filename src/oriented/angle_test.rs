@@ -12,9 +12,9 @@ pub enum FaceWeight {
     /// One.
     #[default]
     Equal,
-    /// Its area.
+    /// The face's area.
     Area,
-    /// Its angle at the corner.
+    /// The face's angle at the corner.
     Angle,
 }
 

@@ -121,7 +121,7 @@ pub const CULL_EYES: u32 = 1000;
 /// Faces that a tree of cones culls.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CullCount {
-    /// Those that turn to the eye: wrongly culled.
+    /// Faces that turn to the eye: wrongly culled.
     pub wrong: usize,
     /// All of them.
     pub culled: usize,

@@ -63,7 +63,7 @@ pub struct SampleBounds {
 }
 
 impl SampleBounds {
-    /// Those of a mesh. Triangles without area, and with corners that are not there, count too.
+    /// Bounds of a mesh. Triangles without area, and with corners that are not there, count too.
     pub fn of(position: impl Fn(u32) -> Option<Vec3>, triangles: &[[u32; 3]]) -> Self {
         let mut bounds = Self::default();
         let mut sides = Vec::with_capacity(triangles.len());

@@ -382,7 +382,7 @@ impl ScreenPolygon {
         })
     }
 
-    /// Its corners on the picture, x right and y down from the top left corner, pixels, before it is widened.
+    /// Corners on the picture, x right and y down from the top left corner, pixels, before the polygon is widened.
     pub fn corners(&self) -> &[DVec2] {
         &self.corners[..self.count]
     }

@@ -45,7 +45,7 @@ pub struct CornerScreen {
 }
 
 impl CornerScreen {
-    /// That of a frame, whose triangles of `dropped_sign` are not drawn.
+    /// Screen of a frame, whose triangles of `dropped_sign` are not drawn.
     pub fn new(
         frame: &FrameConstants,
         size: (u32, u32),
@@ -157,7 +157,7 @@ fn room_of_one(triangles: usize, screen: &CornerScreen) -> f64 {
     2.0 + share.clamp(0.0, f64::from(MOST_PIXELS) - 2.0)
 }
 
-/// That of a part, of whose triangles the last may cover as many as one can.
+/// Room of a part, of whose triangles the last may cover as many as one can.
 fn part_room(triangles: usize, of_one: f64) -> usize {
     (triangles as f64 * of_one) as usize + MOST_PIXELS as usize
 }
@@ -206,7 +206,7 @@ type SampleRow = [f32; BLOCK];
 struct CornerPositions([[SampleRow; 3]; 3]);
 
 impl CornerPositions {
-    /// Those of up to a block of triangles. What was there before stays after them.
+    /// Gathers the corners of up to a block of triangles. What was there before stays after them.
     #[inline(always)]
     fn gather(&mut self, model: &Model, ids: &[u32]) {
         for (i, &id) in ids.iter().enumerate() {

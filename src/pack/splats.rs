@@ -55,7 +55,7 @@ pub struct Named {
 
 /// A record of a draw list of splats.
 pub trait Record {
-    /// That of a splat.
+    /// Record of a splat.
     fn of(named: &Named) -> Self;
 }
 

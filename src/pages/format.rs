@@ -135,9 +135,9 @@ impl PagedHeader {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PageEntry {
-    /// Its number: pages are numbered as they lie in the file.
+    /// Number of the page: pages are numbered as they lie in the file.
     pub id: u32,
-    /// Its length.
+    /// Length of the page.
     pub bytes: u32,
     /// First byte in the file.
     pub offset: u64,

@@ -36,7 +36,7 @@ impl Default for LoaderOptions {
 /// A page that was read.
 #[derive(Debug, Clone)]
 pub struct LoadedPage {
-    /// Its number.
+    /// Number of the page.
     pub id: u32,
     /// The page.
     pub page: Arc<DecodedPage>,

@@ -78,7 +78,7 @@ enum AskedRange {
 }
 
 impl AskedRange {
-    /// That of a header such as `bytes=0-99`; `None` where it is no range, or several.
+    /// Range of a header such as `bytes=0-99`; `None` where it is no range, or several.
     fn parse(text: &str) -> Option<Self> {
         let (first, last) = text.trim().strip_prefix("bytes=")?.split_once('-')?;
         let number = |text: &str| text.trim().parse::<u64>().ok();

@@ -11,9 +11,9 @@ pub(super) const TURNS: u16 = 256;
 /// A rectangle with cut corners in the plane of the points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CutRectangle {
-    /// Its direction, in 256ths of a quarter turn from the first axis of the plane.
+    /// Direction of the footprint, in 256ths of a quarter turn from the first axis of the plane.
     pub(super) turn: u8,
-    /// Its middle, in the axes of the plane.
+    /// Middle of the footprint, in the axes of the plane.
     pub(super) center: Vec2,
     /// Half sides, along the turned axes.
     pub(super) half: Vec2,

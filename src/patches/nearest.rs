@@ -19,7 +19,7 @@ pub(super) struct NearestLeaf {
     pub(super) distance: f32,
     /// Number of the triangle.
     pub(super) leaf: u32,
-    /// Its point that is nearest.
+    /// Nearest point of the triangle.
     pub(super) place: Vec3,
 }
 

@@ -137,11 +137,11 @@ impl StageModel {
 pub struct StagedPhoto {
     /// Everything but its pixels.
     pub prepared: Arc<PreparedPhoto>,
-    /// Its pixels, at first those of a thumbnail.
+    /// Pixels of the photograph, at first of a thumbnail.
     pub pixels: Arc<PhotoPyramid>,
-    /// Those of a thumbnail.
+    /// Pixels of a thumbnail.
     pub thumbnail: Arc<PhotoPyramid>,
-    /// They are not those of a thumbnail.
+    /// The pixels are more than a thumbnail's.
     pub is_whole: bool,
 }
 

@@ -43,7 +43,7 @@ const VALUES: PictureOutputs = PictureOutputs {
     values: true,
 };
 
-/// Where pictures are made.
+/// Place where pictures are made.
 #[derive(Debug, Clone)]
 pub enum Backend {
     /// A Vulkan device. Where that is the processor in disguise, the processor's own renderer draws what it can in its place.
@@ -52,7 +52,7 @@ pub enum Backend {
     Vulkan(Arc<Gpu>),
     /// The processor's fast renderer; needs no driver. What it cannot draw is refused.
     Cpu,
-    /// Where there is no driver: the processor's fast renderer, and the reference for what that cannot draw.
+    /// Without a driver: the processor's fast renderer, and the reference for what that cannot draw.
     WithoutDevice,
     /// The reference, on the processor. Exact and slow; needs no driver.
     Mirror,
@@ -78,7 +78,7 @@ impl Backend {
         }
     }
 
-    /// Whether a name that a device is asked for by is that of a renderer of the processor.
+    /// Tells whether a name that a device is asked for by is that of a renderer of the processor.
     pub fn is_of_processor(name: &str) -> bool {
         matches!(name, Self::CPU | Self::REFERENCE | Self::MIRROR)
     }
@@ -92,7 +92,7 @@ impl Backend {
         }
     }
 
-    /// Whether the processor's renderer makes plain pictures of these settings, so that nothing of a device decides.
+    /// Tells whether the processor's renderer makes plain pictures of these settings, so that nothing of a device decides.
     pub fn draws_by_cpu(&self, settings: &Settings) -> bool {
         let can = unsupported_reason(settings, PictureOutputs::default(), [1, 1]).is_none();
         match self {
@@ -124,9 +124,9 @@ pub struct Engine<'m> {
     reference: Option<Box<MirrorEngine>>,
     /// Of pages that could not be read.
     page_messages: Vec<String>,
-    /// What drew the last frame.
+    /// Backend that drew the last frame.
     last: FrameBackend,
-    /// What frames with photographs show.
+    /// Photographs that frames show.
     photos: Option<Arc<FramePhotos>>,
 }
 
@@ -136,7 +136,7 @@ struct EngineModel<'m> {
     model: &'m Model,
     facts: Arc<ModelFacts>,
     is_shown: bool,
-    /// It stands in for these pages.
+    /// Pages that the model stands in for.
     pages: Option<PagedModel>,
 }
 
@@ -393,7 +393,7 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// As [`VulkanRenderer::keep_lists`]; off at first. The reference never does.
+    /// Keeps draw lists as [`VulkanRenderer::keep_lists`] does; off at first. The reference never does.
     pub fn keep_lists(&mut self, keep: bool) {
         if let Some(device) = &mut self.device {
             device.renderer.keep_lists(keep);
@@ -403,14 +403,14 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// What drawing costs on the device: [`VulkanRenderer::set_costs`]. Other backends have one way to draw.
+    /// Sets what drawing costs on the device: [`VulkanRenderer::set_costs`]. Other backends have one way to draw.
     pub fn set_costs(&mut self, costs: Option<DrawCosts>) {
         if let Some(device) = &mut self.device {
             device.renderer.set_costs(costs);
         }
     }
 
-    /// What the frames from now on report: [`VulkanRenderer::measure`]. Other backends have stages and counts only.
+    /// Sets what the frames from now on report: [`VulkanRenderer::measure`]. Other backends have stages and counts only.
     ///
     /// # Errors
     /// As [`VulkanRenderer::measure`].
@@ -436,7 +436,7 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// As [`VulkanRenderer::overdraw`].
+    /// Gives the counts of pixels as [`VulkanRenderer::overdraw`] does.
     pub fn overdraw(&mut self) -> Option<Vec<u32>> {
         match (self.last, &mut self.device, &self.reference) {
             (FrameBackend::Device, Some(device), _) => device.renderer.overdraw(),
@@ -545,7 +545,7 @@ impl<'m> Engine<'m> {
 }
 
 impl DeviceEngine {
-    /// As [`Engine::sample`].
+    /// Draws a sample as [`Engine::sample`] does.
     fn sample(
         &mut self,
         parts: DrawnParts<'_>,

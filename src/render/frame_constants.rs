@@ -9,7 +9,7 @@ use crate::render::model_facts::DrawnFacts;
 use crate::render::{AmbientOcclusion, EyeDome, Settings, screen_bounds};
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
-/// What every pass of a frame needs besides its resources.
+/// Values that every pass of a frame needs besides its resources.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct FrameContext {
     pub(crate) width: u32,
@@ -28,7 +28,7 @@ pub(crate) struct FrameContext {
     pub(crate) depth_range: [f32; 2],
 }
 
-/// How far splats of this size may reach beyond the model, pixels.
+/// Distance that splats of this size may reach beyond the model, pixels.
 pub(crate) fn margin_px(largest_px: f32) -> f32 {
     largest_px / 2.0 + 3.0
 }

@@ -111,14 +111,14 @@ fn surrounds_eye(model: &Model, view: &View) -> bool {
     view.is_perspective && model.is_closed && model.surrounds(view.eye)
 }
 
-/// What is drawn, seen in a view, and the renderer that is to draw it.
+/// Parts that are drawn, seen in a view, and the renderer that is to draw them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PlanInput<'a> {
     pub(crate) parts: DrawnParts<'a>,
     pub(crate) view: &'a View,
     pub(crate) outputs: PictureOutputs,
     pub(crate) capabilities: &'a RendererCapabilities,
-    /// What the renderer's device charges, where that was measured.
+    /// Costs on the renderer's device, where they were measured.
     pub(crate) costs: Option<&'a DrawCosts>,
 }
 
@@ -148,7 +148,7 @@ pub(crate) enum RecordFormat {
     Filtered(filtered::Shade),
 }
 
-/// Which primitives a frame has, as far as that is known before its cut is.
+/// Kinds of primitives in a frame, as far as they are known before its cut is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct PlannedPrimitives {
     /// Triangles of the cut are drawn as such.
@@ -173,10 +173,10 @@ pub(crate) struct FramePlan {
     /// Facts of all that is drawn.
     pub(crate) facts: DrawnFacts,
     pub(crate) view: View,
-    /// As [`resolve_settings`] gives them.
+    /// Settings that [`resolve_settings`] gave.
     pub(crate) settings: Settings,
     pub(crate) technique: Technique,
-    /// What decides the cut, where there is one, of all parts alike; [`FramePlan::cut_of`] has that of each.
+    /// Key of the cut, where there is one, of all parts alike; [`FramePlan::cut_of`] has that of each.
     pub(crate) cut: CutKey,
     pub(crate) cut_place: CutPlace,
     pub(crate) primitives: PlannedPrimitives,
@@ -194,8 +194,8 @@ pub(crate) struct FramePlan {
     pub(crate) constants: FrameConstants,
 }
 
-/// What decides the draw lists of a frame: equal ones give the same bytes, as long as the renderer's costs are the same. Made of
-/// what cut and packing are told, and they are told nothing else but what follows from it.
+/// Inputs that decide the draw lists of a frame: equal ones give the same bytes, as long as the renderer's costs are the same.
+/// Made of what cut and packing are told, and they are told nothing else but what follows from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PackKey {
     drawn: u64,
@@ -209,7 +209,7 @@ pub(crate) struct PackKey {
 }
 
 impl RecordFormat {
-    /// Those of a planned frame, with points of at most `max_point_px` pixels.
+    /// Records of a planned frame, with points of at most `max_point_px` pixels.
     fn of(plan: &FramePlan, max_point_px: f32) -> Self {
         let (settings, facts) = (&plan.settings, &plan.facts);
         let splats = splat_plan(settings, max_point_px);
@@ -395,12 +395,12 @@ impl FramePlan {
         RecordFormat::of(self, max_point_px)
     }
 
-    /// What decides the cut of one of its parts.
+    /// Key of the cut of one of its parts.
     pub(crate) fn cut_of(&self, part: FactedModel<'_>) -> CutKey {
         CutKey::of(&self.settings, &part.facts.drawn(), &self.view)
     }
 
-    /// What decides its draw lists.
+    /// Key of its draw lists.
     pub(crate) fn pack_key(&self) -> PackKey {
         PackKey {
             drawn: self.drawn,
@@ -414,7 +414,7 @@ impl FramePlan {
         }
     }
 
-    /// Whether it has to be known what of the model has no area: that takes a look at all of it, once.
+    /// Tells whether it has to be known what of the model has no area: that takes a look at all of it, once.
     pub(crate) fn needs_undrawn(&self) -> bool {
         self.cut_place != CutPlace::Nowhere && (self.cut.needs_undrawn() || self.uploads_ids)
     }

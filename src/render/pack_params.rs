@@ -1,4 +1,4 @@
-//! What the packing of splats needs of the settings of a frame.
+//! Parameters of packing splats, from the settings of a frame.
 
 use crate::pack;
 use crate::pack::ColorBy;
@@ -15,7 +15,7 @@ pub(crate) fn largest_splat_px(facts: &DrawnFacts, settings: &Settings) -> f32 {
     }
 }
 
-/// What the packing of splats needs of the settings.
+/// Parameters of packing splats, from the settings.
 pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::Plan {
     pack::splats::Plan {
         footprint: settings.footprint(),
@@ -30,7 +30,7 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::Plan 
     }
 }
 
-/// What the packing of fuzzy splats for compute needs of the settings besides [`splat_plan`].
+/// Parameters of packing fuzzy splats for compute, besides [`splat_plan`].
 pub fn fuzzy_look(settings: &Settings, facts: &DrawnFacts) -> pack::fuzzy::Look {
     pack::fuzzy::Look {
         is_gauss: settings.splat == SplatKind::Gauss,
@@ -43,7 +43,7 @@ pub fn fuzzy_look(settings: &Settings, facts: &DrawnFacts) -> pack::fuzzy::Look 
     }
 }
 
-/// What the packing of filtered splats needs of the settings; `depth_range` is that of
+/// Parameters of packing filtered splats; `depth_range` is that of
 /// [`falsecolor::depth_range`](pack::falsecolor::depth_range).
 pub fn filtered_shade(
     settings: &Settings,

@@ -122,7 +122,7 @@ impl PartCuts {
         }
     }
 
-    /// Whether these are patches.
+    /// Tells whether these are patches.
     pub(crate) fn has_patches(&self) -> bool {
         matches!(self.polygons, Some(PolygonSource::Patches(_)))
     }

@@ -44,7 +44,7 @@ pub(crate) struct RestPicture {
     cpu: Option<CpuSampler>,
 }
 
-/// What draws samples on the processor.
+/// Renderer that draws samples on the processor.
 #[derive(Debug)]
 struct CpuSampler {
     renderer: Box<CpuRenderer>,
@@ -52,7 +52,7 @@ struct CpuSampler {
     area: DrawnArea,
 }
 
-/// What a sample is drawn of, and by whom.
+/// Parts that a sample is drawn of, and the renderer that draws it.
 pub(crate) struct SampleRequest<'a> {
     pub(crate) parts: DrawnParts<'a>,
     pub(crate) view: &'a View,
@@ -61,7 +61,7 @@ pub(crate) struct SampleRequest<'a> {
     pub(crate) device: Option<(&'a VulkanRenderer, &'a mut DeviceScene)>,
 }
 
-/// Whether frames of these settings have a mean that is nearer to the truth: not visibility splats, which are put together
+/// Tells whether frames of these settings have a mean that is nearer to the truth: not visibility splats, which are put together
 /// from whole pixels, nor filtered ones, which are means already and would be blurred, nor data.
 pub(crate) fn has_mean(settings: &Settings) -> bool {
     let shows_light = matches!(settings.color_by, ColorBy::Shading | ColorBy::Primitive);
@@ -87,7 +87,7 @@ impl RestPicture {
         *self = Self::default();
     }
 
-    /// Whether more samples would make it smoother.
+    /// Tells whether more samples would make it no smoother.
     pub(crate) fn is_over(&self) -> bool {
         self.is_over
     }

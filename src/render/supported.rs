@@ -1,4 +1,4 @@
-//! What settings ask for in vain, refused by name.
+//! Refusals, by name, of what settings ask for in vain.
 
 use crate::cut::SizeMetric;
 use crate::gpu::Error;

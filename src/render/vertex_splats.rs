@@ -14,11 +14,11 @@ use crate::render::vertex_looks::looks_of;
 pub(crate) struct VertexSplats {
     key: Option<(u64, SplatRules)>,
     parts: Vec<PartSplats>,
-    /// What the present view needs, where there are levels.
+    /// Splats that the present view needs, where there are levels.
     chosen: Vec<LevelCut>,
 }
 
-/// Those of a part.
+/// Splats of a part.
 #[derive(Debug)]
 struct PartSplats {
     set: SplatSet,

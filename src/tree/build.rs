@@ -41,10 +41,10 @@ pub struct BuildOptions {
 /// Which normals the points of a cloud have.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum PointNormals {
-    /// Those of the file, where it has some.
+    /// Normals of the file, where it has some.
     #[default]
     File,
-    /// Those of the file; where it has none, those of planes through the neighbors of a point, if these make a surface.
+    /// Normals of the file; where it has none, those of planes through the neighbors of a point, if these make a surface.
     Estimate,
     /// None.
     None,

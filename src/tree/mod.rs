@@ -153,7 +153,7 @@ pub enum Error {
     BadCorner {
         /// The triangle, in file order.
         triangle: usize,
-        /// Its corner.
+        /// Corner of the triangle.
         corner: u32,
         /// Number of vertices.
         vertices: usize,
@@ -169,7 +169,7 @@ pub enum Error {
     Mismatch {
         /// Which array.
         what: &'static str,
-        /// Its length.
+        /// Length of the array.
         count: usize,
         /// Number of vertices.
         vertices: usize,

@@ -94,7 +94,7 @@ pub const SHADINGS: &[NamedChoice<Shading>] = &[
 /// Which normals surfaces have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SurfaceNormals {
-    /// Those of the file; where it has none, computed ones.
+    /// Normals of the file; where it has none, computed ones.
     #[default]
     File,
     /// Computed: smooth but for sharp edges.

@@ -45,7 +45,7 @@ const HELD: f64 = 0.15;
 /// Time that frames are held to while the view moves.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum FrameGoal {
-    /// That of the device: 33 ms where the processor draws, 16 ms on graphics hardware.
+    /// Usual time of the device: 33 ms where the processor draws, 16 ms on graphics hardware.
     #[default]
     Usual,
     /// None: frames take the time that they take.

@@ -97,9 +97,9 @@ pub enum PanelWish {
     RemoveMeasure(usize),
     /// Draw a model, or leave it out.
     Show {
-        /// Its index among the models.
+        /// Index of the model.
         part: usize,
-        /// It is drawn.
+        /// The model is drawn.
         is_shown: bool,
     },
 }

@@ -23,7 +23,7 @@ const DEPTH_PX: f32 = 3.0;
 pub struct PickedModel<'a> {
     /// The model.
     pub model: &'a Model,
-    /// It is drawn, and all of it is there.
+    /// The model is drawn, and all of it is there.
     pub is_whole: bool,
 }
 

@@ -37,7 +37,7 @@ const FRAMES_OF_MEDIAN: usize = 15;
 /// What became of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ShowOutcome {
-    /// It is on its way to the screen.
+    /// The frame is on its way to the screen.
     Frame,
     /// The window changed meanwhile; it must be drawn again.
     Again,

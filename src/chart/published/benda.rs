@@ -21,7 +21,7 @@ type BendaFrame = (f64, u64, u64);
 /// One of his models.
 #[derive(Debug)]
 pub struct BendaTable {
-    /// Its name in the thesis.
+    /// Name in the thesis.
     pub name: &'static str,
     /// Vertices, table 5.1.
     pub vertices: u64,

@@ -21,7 +21,7 @@ pub(in crate::cut) struct Chunk {
     ones: FrontOnes,
     /// The others that are not hidden so far.
     others: Mask,
-    /// Their marks.
+    /// Marks of the others.
     marks: [DepthMark; CHUNK],
 }
 

@@ -10,7 +10,7 @@ pub(super) struct SpecializedConstants {
 }
 
 impl SpecializedConstants {
-    /// Those that `shader` has of `constants`, and the flags of the frame (0: not known).
+    /// Values that `shader` takes of `constants`, and the flags of the frame (0: not known).
     pub(super) fn new(shader: &Shader, constants: &[ConstantValue], flags: u32) -> Self {
         let flags = specialization::KNOWN_FLAGS.is(flags);
         let all = constants.iter().chain([&flags]);

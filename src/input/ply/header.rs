@@ -92,7 +92,7 @@ pub(super) struct Element {
     pub(super) name: String,
     pub(super) count: u64,
     pub(super) properties: Vec<Property>,
-    /// Their names.
+    /// Names of the properties.
     pub(super) names: Vec<String>,
     pub(super) role: Role,
 }

@@ -206,7 +206,7 @@ pub(super) struct Slope {
 }
 
 impl Slope {
-    /// That of the line through the colors of the `lanes` of four parts of a node that has the least squares, each counting
+    /// Slope of the line through the colors of the `lanes` of four parts of a node that has the least squares, each counting
     /// as much as is seen of it (`weight`). None where they are not spread along the node's strip.
     pub(super) fn new(
         (four, lanes): (&Four, u32),
@@ -263,7 +263,7 @@ pub(super) struct Seen {
     z: Vec4,
     /// Projected area of the fronts, model units squared.
     pub(super) front: Vec4,
-    /// That of fronts and backs.
+    /// Projected area of fronts and backs.
     both: Vec4,
     /// Cosine of the mean normal, [`LEAST_FACING`] to 1.
     facing: Vec4,
@@ -280,7 +280,7 @@ pub(super) struct Seen {
 pub(super) struct Size {
     /// Share of their patches.
     pub(super) share: Vec4,
-    /// They belong to rows: the way from one splat to the next, model space.
+    /// Splats that belong to rows: the way from one to the next, model space.
     pub(super) is_row: bool,
     pub(super) step: Vectors,
     /// Diameter in pixels; the rectangle is not larger.

@@ -60,9 +60,9 @@ pub(super) struct Places {
     pub(super) window_px: [Vec4; 2],
     /// Reversed depth, 0..=1.
     pub(super) depth: Vec4,
-    /// That of the first pass; 0 where it lies at or behind the far plane.
+    /// Depth of the first pass; 0 where it lies at or behind the far plane.
     pub(super) pushed_depth: Vec4,
-    /// Those between the near and the far plane.
+    /// Centers between the near and the far plane.
     pub(super) lanes: u32,
 }
 

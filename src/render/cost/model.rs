@@ -247,7 +247,7 @@ pub struct DrawLoad {
     pub triangles: u64,
     /// Splats that both paths can draw.
     pub splats: u64,
-    /// Their side or diameter, pixels.
+    /// Side or diameter of the splats, pixels.
     pub size_px: f32,
     /// Pixels of the picture.
     pub pixels: PicturePixels,
@@ -381,7 +381,7 @@ impl DrawCosts {
             .map(PrimitiveCosts::largest_point_px)
     }
 
-    /// These, and of `other` what is not among them.
+    /// Joins these costs and those of `other` that are not among them.
     pub fn or(self, other: Self) -> Self {
         Self {
             square: self.square.or(other.square),

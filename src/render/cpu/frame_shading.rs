@@ -75,7 +75,7 @@ pub(super) struct TrianglePoint {
 }
 
 impl FrameShading {
-    /// That of a frame.
+    /// Shading of a frame.
     pub(crate) fn new(frame: &FrameConstants) -> Self {
         let view_from_model = Mat4::from_cols_array_2d(&frame.view_from_model);
         Self {

@@ -57,9 +57,9 @@ pub(super) enum Source<'a> {
     Cut(&'a Model, &'a ZeroAreaSet, Part<'a>),
     /// The same, with what they look like.
     Surface(&'a Writer<'a>, Part<'a>),
-    /// Those that are written already.
+    /// Splats that are written already.
     List(&'a [Splat]),
-    /// Those that are written already. What they look like is not asked for.
+    /// Splats that are written already. What they look like is not asked for.
     Places(&'a [Splat]),
 }
 

@@ -88,7 +88,7 @@ pub struct CpuRenderer {
     rect_px: [u32; 4],
     eye_dome: EyeDome,
     ambient_occlusion: AmbientOcclusionLook,
-    /// That of the last frame.
+    /// Background of the last frame.
     gradient: Option<BackgroundGradient>,
 }
 

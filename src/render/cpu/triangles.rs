@@ -53,13 +53,13 @@ pub struct Light {
 }
 
 impl Light {
-    /// That of a frame; none where it shows data, or has a lamp, which is the device's.
+    /// Light of a frame; none where it shows data, or has a lamp, which is the device's.
     pub fn new(frame: &FrameConstants, screen: CornerScreen) -> Option<Self> {
         let light = Self::of_frame(frame, screen);
         light.shading.has_headlight().then_some(light)
     }
 
-    /// That of a frame, which may have a lamp or show data.
+    /// Light of a frame, which may have a lamp or show data.
     pub(super) fn of_frame(frame: &FrameConstants, screen: CornerScreen) -> Self {
         let has = |flag: u32| frame.flags & flag != 0;
         let is_tinted = has(FLAG_COLOR_BY_PRIMITIVE);
@@ -181,7 +181,7 @@ impl Triangles {
         (self.light).is_none_or(|light| light.screen.rect_px() == rect_px)
     }
 
-    /// Those that may cover a pixel of some rows, in their order.
+    /// Faces that may cover a pixel of some rows, in their order.
     pub(super) fn near(&self, rows: [u32; 2]) -> impl Iterator<Item = NumberedFace<'_>> {
         let are_near = move |[first, end]: [u32; 2]| first < rows[1] && end > rows[0];
         self.parts.iter().flat_map(move |part| {

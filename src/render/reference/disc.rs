@@ -73,7 +73,7 @@ enum DiscShape {
 struct UnboundedDisc {
     center: DVec3,
     shape: DiscShape,
-    /// Those of `shape`, of which they give the bounds.
+    /// Numbers of `shape` that give its bounds.
     form: DVec3,
     skew: DVec2,
 }

@@ -50,7 +50,7 @@ pub(in crate::render) struct MirrorEngine {
 /// What one frame draws: splats of one kind at most.
 #[derive(Default)]
 struct PackedLists<'m> {
-    /// Those of the model, or of the cut.
+    /// Triangles of the model, or of the cut.
     triangles: Cow<'m, [[u32; 3]]>,
     splats: Vec<Splat>,
     weighted: Vec<WeightedSplat>,
@@ -324,7 +324,7 @@ impl PackedLists<'_> {
 }
 
 impl BlendPasses {
-    /// Those of a kind of blending; of what is not blended the two.
+    /// Passes of a kind of blending; of what is not blended the two.
     fn of(blend: Blend) -> Self {
         match blend {
             Blend::DepthThreshold => Self::DepthThreshold,
@@ -371,7 +371,7 @@ struct JoinedTextures {
 }
 
 impl JoinedTextures {
-    /// Those of all parts; none where no part has any.
+    /// Textures of all parts; none where no part has any.
     fn of(parts: DrawnParts<'_>) -> Option<Self> {
         if parts.iter().all(|part| part.model.textures.is_none()) {
             return None;

@@ -181,7 +181,7 @@ struct FragmentShare {
 #[derive(Debug, Clone, Copy)]
 struct FragmentDepth {
     own: f32,
-    /// Its own, farther by the depth offset.
+    /// Depth of the fragment, farther by the depth offset.
     pushed: f32,
     /// Of the nearest and the farthest point of its patch.
     nearest: f32,

@@ -71,7 +71,7 @@ pub(super) struct PackedFrame {
     pub(super) selection: PassSelection,
     /// What was packed are numbers, of which the device makes what is drawn.
     pub(super) are_ids: bool,
-    /// It has.
+    /// The device has made it.
     pub(super) is_made: bool,
     /// Of the cut.
     pub(super) stats: CutStats,

@@ -61,7 +61,7 @@ pub(crate) enum RasterSplats<'a> {
     Records(SplatRecords<'a>),
     /// All vertices of the scene, as quads or as points.
     Vertices {
-        /// They may be too large for points.
+        /// Vertices may be too large for points.
         as_quads: bool,
     },
     /// So many oriented polygons.
@@ -94,7 +94,7 @@ pub(crate) struct SplatRecords<'a> {
 }
 
 impl<'a> SplatRecords<'a> {
-    /// Those of a list with room for `capacity`: points from its start, quads up to its end.
+    /// Records of a list with room for `capacity`: points from its start, quads up to its end.
     pub(crate) fn packed(buffer: &'a dyn AnyBuffer, packed: Packed, capacity: usize) -> Self {
         Self {
             buffer,
@@ -103,7 +103,7 @@ impl<'a> SplatRecords<'a> {
         }
     }
 
-    /// Those that compute leaves of such a list: points before the quads, which end it.
+    /// Records that compute leaves of such a list: points before the quads, which end it.
     pub(crate) fn large(buffer: &'a dyn AnyBuffer, placed: Placed, capacity: usize) -> Self {
         let first_quad = capacity - placed.quads;
         Self {

@@ -30,7 +30,7 @@ pub struct ScenePage {
     local: Option<Vec<[u32; 3]>>,
     /// Where its vertices are in images, in a scene that has some.
     pub(super) textures: Option<PageTextures>,
-    /// Its model is drawn.
+    /// The page's model is drawn.
     pub(super) is_shown: bool,
 }
 
@@ -60,7 +60,7 @@ pub struct DeviceScene {
 #[derive(Debug, Clone)]
 struct DevicePart {
     facts: Arc<ModelFacts>,
-    /// Its pages among those of the scene.
+    /// Pages of the model among those of the scene.
     pages: Range<usize>,
     is_shown: bool,
 }
@@ -80,7 +80,7 @@ struct PageLimits {
 }
 
 impl PageLimits {
-    /// Those of a device.
+    /// Limits of a device.
     fn of(gpu: &Gpu) -> Self {
         let info = gpu.info();
         let limit = PAGE_BYTES.min(info.max_buffer).min(info.max_allocation);

@@ -30,14 +30,14 @@ pub(super) struct ModelPhotographs {
     pub(super) stage: Option<PhotoStage>,
     /// Which may be used.
     allowed: Vec<bool>,
-    /// Those of the last frame, and what they were chosen for.
+    /// Photographs of the last frame, and what they were chosen for.
     pub(super) frame: Option<Arc<FramePhotos>>,
     chosen_for: Option<View>,
     /// What is there changed since they were.
     is_stale: bool,
     /// Not all have been looked at.
     is_readying: bool,
-    /// Their poses are drawn in the picture.
+    /// Poses of the photographs are drawn in the picture.
     pub(super) has_frusta: bool,
     /// A map of them is shown.
     pub(super) has_radar: bool,

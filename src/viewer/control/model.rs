@@ -71,7 +71,7 @@ pub struct FrameWork {
     pub is_blended: bool,
     /// Small ones are drawn by compute: a unit takes another time then.
     pub by_compute: bool,
-    /// They may be drawn in the other way as well.
+    /// Small splats may be drawn in the other way as well.
     pub is_free: bool,
     /// The largest threshold with which compute draws such splats, pixels.
     #[serde(deserialize_with = "or_infinity")]
@@ -241,7 +241,7 @@ impl TimedFrame {
 /// What is known of one way to draw small splats.
 #[derive(Debug, Clone, PartialEq)]
 struct KnownWay {
-    /// Its last frames, oldest first.
+    /// Last frames of the way, oldest first.
     frames: VecDeque<TimedFrame>,
     /// There was more than one.
     is_known: bool,

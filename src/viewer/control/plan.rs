@@ -82,7 +82,7 @@ struct PlanBegin {
     way: bool,
     /// How far off the wanted time it stays with that.
     allowed: f64,
-    /// It was drawn so before, and the camera moves on.
+    /// The last frame was drawn so, and the camera moves on.
     is_again: bool,
     /// What a frame so drawn took there, milliseconds.
     took_ms: Option<f64>,
@@ -101,7 +101,7 @@ pub(super) struct TriedThreshold {
     cut: f64,
     /// Frames nearly like it were drawn.
     is_known: bool,
-    /// It takes too long, and compute draws nothing coarser.
+    /// The frame takes too long, and compute draws nothing coarser.
     is_at_edge: bool,
 }
 
@@ -443,7 +443,7 @@ impl FrameBudget {
         self.planned < until && tried.off() < off + WORSE
     }
 
-    /// It was looked for something nearer the wanted time, for so much of a frame, and there was nothing.
+    /// Notes that something nearer the wanted time was looked for, for so much of a frame, and there was nothing.
     fn block(&mut self, best: &TriedThreshold, spent: f64) {
         let frames = (spent / LOOKED).ceil().min(LONGEST_BLOCK) as u64;
         self.blocked[best.side()] = (self.planned + frames, best.off());

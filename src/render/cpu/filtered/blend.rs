@@ -121,7 +121,7 @@ impl<S: Simd> Axis<S> {
         }
     }
 
-    /// Those with the first four pixels, splat by splat; 0 beyond the last pixel.
+    /// Overlaps with the first four pixels, splat by splat; 0 beyond the last pixel.
     #[inline(always)]
     fn with_four(&self, simd: S) -> [[f32; ROW]; BLOCK] {
         let mut all = [[0.0; ROW]; BLOCK];
@@ -138,7 +138,7 @@ impl<S: Simd> Axis<S> {
         all
     }
 
-    /// That with one pixel.
+    /// Overlap with one pixel.
     #[inline(always)]
     fn with(&self, simd: S, pixel: f32) -> f32x16<S> {
         let zero = f32x16::splat(simd, 0.0);

@@ -94,7 +94,7 @@ struct PassResults<'a> {
 
 /// A pixel of a picture that sums become.
 pub(crate) trait NormalizedPixel: Copy + Send {
-    /// That of a color with its coverage.
+    /// Pixel of a color with its coverage.
     fn of(color: Vec4) -> Self;
 }
 

@@ -28,7 +28,7 @@ pub(super) struct Band<'a> {
     width: usize,
     /// From a row to the next.
     stride: usize,
-    /// Its first row, and one past its last.
+    /// First row of the band, and one past its last.
     pub(crate) rows: [usize; 2],
 }
 

@@ -30,7 +30,7 @@ pub struct Light {
 }
 
 impl Light {
-    /// That of a frame which shows no data and has no lamp.
+    /// Light of a frame which shows no data and has no lamp.
     pub fn new(frame: &FrameConstants) -> Self {
         let has = |flag: u32| frame.flags & flag != 0;
         let is_tinted = has(FLAG_COLOR_BY_PRIMITIVE);

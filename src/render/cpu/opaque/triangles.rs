@@ -71,9 +71,9 @@ pub(super) fn draw_numbers(
 /// What pixels show of their triangle.
 #[derive(Clone, Copy)]
 enum ShownFaces<'a> {
-    /// Its color in the headlight, of these meshes.
+    /// Color in the headlight, of these meshes.
     Colors(MeshVertices<'a>),
-    /// Its number.
+    /// Number of the triangle.
     Numbers,
 }
 
@@ -294,7 +294,7 @@ struct Row {
     /// Where its first pixel is among colors and among depths of the band.
     at: usize,
     depth_at: usize,
-    /// Its first pixel in the picture.
+    /// First pixel of the span in the picture.
     pixel: [u32; 2],
     count: usize,
 }

@@ -25,7 +25,7 @@ pub struct Screen {
 }
 
 impl Screen {
-    /// That of a frame; `None` where places do not fit their numbers.
+    /// Screen of a frame; `None` where places do not fit their numbers.
     pub fn new(frame: &FrameConstants, rect_px: [u32; 4]) -> Option<Self> {
         let (view, clip) = (&frame.view_from_model, &frame.clip_from_view);
         let row =

@@ -15,7 +15,7 @@ pub struct SurfaceMesh<'a> {
 }
 
 impl<'a> SurfaceMesh<'a> {
-    /// That of a model.
+    /// Surface of a model.
     pub fn of(model: &'a Model) -> Self {
         Self {
             vertices: &model.vertices,
@@ -51,7 +51,7 @@ impl FaceTexture<'_> {
 }
 
 impl<'m> FaceTexture<'m> {
-    /// That of a face, if it has one. `clipped` is as in [`Part::clipped`].
+    /// Texture of a face, if it has one. `clipped` is as in [`Part::clipped`].
     fn of(face: &Face, mesh: SurfaceMesh<'m>, clipped: Option<&Mat3>) -> Option<Self> {
         let (image, places) = mesh.textures?.of_triangle(face.corners)?;
         let places = match clipped {
@@ -115,7 +115,7 @@ impl<'m> Surface<'m> {
         }
     }
 
-    /// Its own color where the corners have weights, which are those of a [`SurfacePlace`].
+    /// Color of the surface where the corners have weights, which are those of a [`SurfacePlace`].
     #[inline]
     pub(super) fn color_at(&self, weights: Vec3) -> Vec3 {
         match &self.texture {

@@ -141,7 +141,7 @@ impl FilteredSums<'_> {
         ring(1).filter_map(move |step| self.at(i, step))
     }
 
-    /// Those of the neighbors that are empty, or farther than the part of a pixel ends.
+    /// Neighbors that are empty, or farther than the part of a pixel ends.
     fn rim_neighbors(&self, i: usize, end_of_part: f64) -> RimNeighbors {
         let mut rim = RimNeighbors::default();
         for j in self.neighbors(i) {

@@ -55,7 +55,7 @@ pub(crate) struct FuzzyVariant {
     has_coverage: bool,
     /// From the vertices of the mesh instead of a draw list.
     pub(crate) from_vertices: bool,
-    /// They are oriented polygons.
+    /// The splats are oriented polygons.
     are_polygons: bool,
     /// A lamp lights the surface instead of the headlight.
     has_lamp: bool,
@@ -69,7 +69,7 @@ pub(crate) struct FuzzyVariant {
 }
 
 impl FuzzyVariant {
-    /// That of `settings` for a model with or without triangles.
+    /// Variant of `settings` for a model with or without triangles.
     ///
     /// # Errors
     /// When 32-bit sums are asked for and the device cannot blend them.

@@ -96,7 +96,7 @@ impl PolygonPasses {
 }
 
 impl PolygonKind {
-    /// That of a source.
+    /// Kind of a source.
     pub(crate) fn of(source: PolygonSource) -> Self {
         match source {
             PolygonSource::Vertices(_) => Self::Splats,
