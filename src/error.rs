@@ -43,7 +43,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Whether the work stopped because its [`Progress`](crate::progress::Progress) was cancelled: nothing is wrong.
+    /// Tells whether the work stopped because its [`Progress`](crate::progress::Progress) was cancelled: nothing is wrong.
     pub fn is_cancelled(&self) -> bool {
         use crate::measure::profile::Error as ProfileError;
         matches!(

@@ -9,7 +9,7 @@ pub trait Progress: Sync {
     fn stage(&self, name: &str, total: u64);
     /// `amount` more units of the current stage are done.
     fn advance(&self, amount: u64);
-    /// Whether the work should stop as soon as it can; it then returns its `Cancelled` error.
+    /// Tells whether the work should stop as soon as it can; it then returns its `Cancelled` error.
     fn is_cancelled(&self) -> bool {
         false
     }

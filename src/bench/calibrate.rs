@@ -82,7 +82,7 @@ impl CalibrationPart {
 }
 
 impl CalibrationPart {
-    /// Whether it is open what chooses the cut of these settings.
+    /// Tells whether it is open what chooses the cut of these settings.
     fn asks_nodes(settings: &Settings) -> bool {
         settings.cut_on == CutOn::Auto
             && settings.method == Method::Pop

@@ -106,7 +106,7 @@ impl BenchSession {
         })
     }
 
-    /// Whether the device is the processor itself.
+    /// Tells whether the device is the processor itself.
     pub fn is_software(&self) -> bool {
         self.backend.device().is_some_and(|gpu| gpu.info().is_cpu())
     }

@@ -138,7 +138,7 @@ impl BenchFigure {
         self
     }
 
-    /// Whether it reaches its target.
+    /// Tells whether it reaches its target.
     pub fn verdict(&self) -> BenchVerdict {
         BenchVerdict::of(self.value, self.target)
     }

@@ -10,7 +10,7 @@ pub enum BenchTarget {
 }
 
 impl BenchTarget {
-    /// Whether a value keeps it; NaN never does.
+    /// Tells whether a value keeps it; NaN never does.
     pub fn is_met(self, value: f64) -> bool {
         match self {
             Self::AtMost(bound) => value <= bound,

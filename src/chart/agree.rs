@@ -51,7 +51,7 @@ pub struct ReferenceAgreement {
 }
 
 impl ReferenceAgreement {
-    /// Whether the two say the same.
+    /// Tells whether the two say the same.
     pub fn is_kept(&self) -> bool {
         self.off.is_empty()
             && self.other_errors.is_empty()
@@ -70,7 +70,7 @@ fn unit(panel: &SummaryPanel, other: &SummaryPanel) -> Option<f64> {
         .map(|p| p.frame.median)
 }
 
-/// Whether a point of a chart is beaten by another, by more than what is a tie.
+/// Tells whether a point of a chart is beaten by another, by more than what is a tie.
 fn is_beaten(panel: &SummaryPanel, point: &SummaryPoint) -> bool {
     panel.points.iter().any(|other| {
         other.frame.median * LARGEST_FACTOR < point.frame.median

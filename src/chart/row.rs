@@ -75,7 +75,7 @@ impl ChartRow {
         DrawConfiguration::of_words(&self.method, &self.splat, &self.path, self.threshold_px)
     }
 
-    /// Whether another row was measured under the same conditions: program, device, picture and effort.
+    /// Tells whether another row was measured under the same conditions: program, device, picture and effort.
     pub fn is_like(&self, other: &Self) -> bool {
         let conditions = |r: &Self| {
             (
@@ -91,7 +91,7 @@ impl ChartRow {
         conditions(self) == conditions(other)
     }
 
-    /// Whether it is of the same model, distance and view.
+    /// Tells whether it is of the same model, distance and view.
     pub fn is_of_block(&self, other: &Self) -> bool {
         self.model == other.model
             && self.model_triangles == other.model_triangles

@@ -46,7 +46,7 @@ impl BackgroundArgs {
         }
     }
 
-    /// Whether pictures have alpha.
+    /// Tells whether pictures have alpha.
     pub(crate) fn is_transparent(&self) -> bool {
         self.background == BackgroundChoice::Transparent
     }

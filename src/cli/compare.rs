@@ -493,7 +493,7 @@ fn is_opaque(image: &FloatImage) -> bool {
     image.color.iter().all(|c| c[3] >= 1.0)
 }
 
-/// Whether alpha means something: a PNG file that is opaque everywhere is one without alpha, for all that is known.
+/// Tells whether alpha means something: a PNG file that is opaque everywhere is one without alpha, for all that is known.
 fn tells_coverage(path: &Path, image: &FloatImage) -> bool {
     !is_opaque(image) || super::render::ending(path) == "exr"
 }

@@ -132,7 +132,7 @@ impl Shot {
         }
     }
 
-    /// Whether this can draw a model without triangles.
+    /// Tells whether this can draw a model without triangles.
     fn draws_clouds(&self) -> bool {
         self.method != Method::Triangles && self.splat == SplatKind::Square
     }

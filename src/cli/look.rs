@@ -357,7 +357,7 @@ impl LookArgs {
         self.splat.is_some()
     }
 
-    /// Whether the method follows from a bound.
+    /// Tells whether the method follows from a bound.
     pub(crate) fn is_auto(&self) -> bool {
         self.method == MethodName::Auto
     }

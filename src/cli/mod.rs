@@ -67,7 +67,7 @@ pub(crate) enum Failure {
 
 pub(crate) type Outcome = Result<(), Failure>;
 
-/// Whether a device's error is of what was asked for.
+/// Tells whether a device's error is of what was asked for.
 fn is_of_input(error: &surfel::gpu::Error) -> bool {
     use surfel::gpu::Error as G;
     matches!(
@@ -397,7 +397,7 @@ pub(crate) fn chain(error: &anyhow::Error) -> String {
     text
 }
 
-/// Whether colors make sense on standard error: on a terminal, unless the user wants none (no-color.org).
+/// Tells whether colors make sense on standard error: on a terminal, unless the user wants none (no-color.org).
 fn is_colorful() -> bool {
     std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
 }

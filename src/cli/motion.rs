@@ -174,7 +174,7 @@ impl Args {
         Ok(subjects)
     }
 
-    /// Whether standard output is taken by data for programs.
+    /// Tells whether standard output is taken by data for programs.
     fn takes_output(&self) -> bool {
         [&self.json, &self.csv]
             .into_iter()

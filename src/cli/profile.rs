@@ -84,7 +84,7 @@ impl Args {
         super::check_outputs(&paths, &self.source.model)
     }
 
-    /// Whether standard output is taken by data for programs.
+    /// Tells whether standard output is taken by data for programs.
     fn takes_output(&self) -> bool {
         let is_output = |path: &Option<PathBuf>| path.as_deref() == Some(Path::new("-"));
         is_output(&self.json) || is_output(&self.csv) || is_output(&self.trace)
@@ -361,7 +361,7 @@ fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) ->
     t.0
 }
 
-/// Whether it can be believed.
+/// Tells whether it can be believed.
 fn proof(t: &mut Table, report: &ProfileReport) {
     let proof = &report.profiling;
     t.text("\ncan it be believed?");

@@ -344,7 +344,7 @@ impl Args {
         Ok(others)
     }
 
-    /// Whether the picture has as many samples as it takes to be smooth: nobody says how many, and it shows what is seen
+    /// Tells whether the picture has as many samples as it takes to be smooth: nobody says how many, and it shows what is seen
     /// rather than data.
     fn is_smooth(&self, settings: &Settings) -> bool {
         let shows_light = matches!(settings.color_by, ColorBy::Shading | ColorBy::Primitive);

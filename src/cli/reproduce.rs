@@ -159,7 +159,7 @@ impl Args {
     }
 }
 
-/// Whether a file's name ends so, in capitals or not.
+/// Tells whether a file's name ends so, in capitals or not.
 fn has_end(path: &Path, end: &str) -> bool {
     (path.extension()).is_some_and(|found| found.eq_ignore_ascii_case(end))
 }

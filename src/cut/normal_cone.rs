@@ -26,8 +26,8 @@ const ASKED: usize = 32;
 /// statue of 8 million with bumps of the size of triangles 0.59.
 const LEAST_ROUGH: f32 = 0.4;
 
-/// Whether the normals below nodes of some 64 leaves point to many sides: some of those nodes are asked. They are dropped for
-/// facing away only where they face away by far, so that of a closed surface much of the rear is looked at too.
+/// Tells whether the normals below nodes of some 64 leaves point to many sides: some of those nodes are asked. They are dropped
+/// for facing away only where they face away by far, so that of a closed surface much of the rear is looked at too.
 pub(super) fn is_rough(tree: &Tree) -> bool {
     let most = tree.leaves.len() / 64;
     let levels = tree.level_starts.windows(2);
@@ -105,7 +105,7 @@ impl NodeTester {
         [x - fold.copysign(x), y - fold.copysign(y), z]
     }
 
-    /// Whether leaf `leaf` is seen from behind or edge-on, by its own geometric normal (a cloud's: by the
+    /// Tells whether leaf `leaf` is seen from behind or edge-on, by its own geometric normal (a cloud's: by the
     /// point's normal, if it has one).
     ///
     /// Exact but for the rounding of double precision: a plane is seen from behind from all of its points or

@@ -65,7 +65,7 @@ pub struct FailureLook {
 }
 
 impl FailureLook {
-    /// Whether a scene is drawn so. `splats` is `pop` where no leaf is larger than the threshold, and drawn only where
+    /// Tells whether a scene is drawn so. `splats` is `pop` where no leaf is larger than the threshold, and drawn only where
     /// one is; points of clouds have sizes of their own in both.
     pub fn is_for(&self, case: &FailureCase) -> bool {
         let is_own_picture = match (self.settings.method, self.settings.splat) {

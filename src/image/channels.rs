@@ -45,7 +45,7 @@ impl PictureChannels {
         self.channels.iter().find(|channel| channel.name == name)
     }
 
-    /// Whether there is red, green or blue.
+    /// Tells whether there is red, green or blue.
     pub fn has_colors(&self) -> bool {
         ["R", "G", "B"].iter().any(|name| self.find(name).is_some())
     }
@@ -159,7 +159,7 @@ pub struct ChannelComparison {
 }
 
 impl ChannelComparison {
-    /// Whether everything in both files was compared and is equal.
+    /// Tells whether everything in both files was compared and is equal.
     pub fn is_equal(&self) -> bool {
         self.not_compared.is_empty() && self.channels.iter().all(|channel| channel.differing == 0)
     }

@@ -55,7 +55,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Whether colors and coverage are exactly equal.
+    /// Tells whether colors and coverage are exactly equal.
     pub fn is_zero(&self) -> bool {
         self.whole.max_level == 0.0 && self.coverage_abs == 0.0
     }

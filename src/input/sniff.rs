@@ -133,7 +133,7 @@ fn ending_of(job: &Job<'_>) -> String {
         .map_or(String::new(), |(_, ending)| ending.to_owned())
 }
 
-/// Whether the beginning has no control bytes but white space: text in ASCII, Latin-1 or UTF-8.
+/// Tells whether the beginning has no control bytes but white space: text in ASCII, Latin-1 or UTF-8.
 fn is_text(data: &[u8]) -> bool {
     data.iter()
         .take(1024)

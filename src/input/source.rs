@@ -75,7 +75,7 @@ pub(super) fn read_all(
     }
 }
 
-/// Whether the bytes begin like a gzip file (RFC 1952).
+/// Tells whether the bytes begin like a gzip file (RFC 1952).
 pub(super) fn is_gzip(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x1f, 0x8b])
 }

@@ -128,7 +128,7 @@ pub fn radius_around(center: DVec3, balls: &[Sphere]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Whether `ball` contains `member`, within [`TOLERANCE`].
+/// Tells whether `ball` contains `member`, within [`TOLERANCE`].
 #[inline]
 fn contains(ball: &Sphere, member: &Sphere) -> bool {
     // Squared, so that no root is taken: |c - m| <= R (1 + t) - r.
@@ -221,7 +221,7 @@ fn extent(a: &Sphere, b: &Sphere) -> f64 {
     a.center.distance(b.center) + a.radius + b.radius
 }
 
-/// Whether the smallest ball of two of the three contains the third.
+/// Tells whether the smallest ball of two of the three contains the third.
 fn pair_contains_third([a, b, c]: [&Sphere; 3]) -> bool {
     let (ab, ac, bc) = (extent(a, b), extent(a, c), extent(b, c));
     if ab >= ac && ab >= bc {

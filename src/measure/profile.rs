@@ -238,7 +238,7 @@ impl FrameProfile {
         self.samples.iter().map(|s| &s.times)
     }
 
-    /// Whether a counter of this name is exact on the device; only then it is reported.
+    /// Tells whether a counter of this name is exact on the device; only then it is reported.
     pub fn counts(&self, counter: &str) -> bool {
         self.proof
             .counter_test

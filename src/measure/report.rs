@@ -147,7 +147,7 @@ pub struct ProfileReport {
 }
 
 impl ProofReport {
-    /// Whether timestamps cost more time than noise explains.
+    /// Tells whether timestamps cost more time than noise explains.
     pub fn costs_time(&self) -> bool {
         self.cost_bounds_ms.is_some_and(|[low, _]| low > 0.0)
     }

@@ -284,7 +284,7 @@ impl AttributeValues {
         }
     }
 
-    /// Whether there are none.
+    /// Tells whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -348,7 +348,7 @@ impl PointAttributes {
         }
     }
 
-    /// Whether there are none.
+    /// Tells whether there are none.
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty()
     }

@@ -220,7 +220,7 @@ impl Side {
     }
 }
 
-/// Whether two sides of an edge run the same way, which those of one surface do not.
+/// Tells whether two sides of an edge run the same way, which those of one surface do not.
 fn are_against(pair: &[Side]) -> bool {
     pair[0].is_downward() == pair[1].is_downward()
 }
@@ -380,7 +380,7 @@ impl PartFacts {
         };
     }
 
-    /// Whether the root's winding is the wrong one.
+    /// Tells whether the root's winding is the wrong one.
     fn is_root_wrong(&self) -> bool {
         if self.is_open || self.volume == 0.0 {
             self.votes < 0

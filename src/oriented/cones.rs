@@ -212,7 +212,7 @@ impl<'s> ConeTree<'s> {
         culled
     }
 
-    /// Whether a face shows its front to an eye, by more than rounding.
+    /// Tells whether a face shows its front to an eye, by more than rounding.
     pub fn is_seen(&self, face: u32, eye: DVec3) -> bool {
         let from_face = eye - self.surface.corners(face)[0];
         self.surface.normals[face as usize].dot(from_face) > self.rounding

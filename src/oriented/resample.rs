@@ -342,7 +342,7 @@ impl PlacedSamples<'_> {
             .filter(move |splat| splat.normal.as_dvec3().dot(normal) > 0.0)
     }
 
-    /// Whether a sample covers a place on the surface.
+    /// Tells whether a sample covers a place on the surface.
     fn covers(&self, at: DVec3, normal: DVec3) -> bool {
         self.near(at, normal).any(|splat| {
             let from_center = at - splat.center.as_dvec3();

@@ -32,7 +32,7 @@ pub enum Lighting {
 }
 
 impl Lighting {
-    /// Whether a gray surface is gray in it.
+    /// Tells whether a gray surface is gray in it.
     pub fn is_gray(self) -> bool {
         match self {
             Self::Headlight | Self::Phong(_) => true,

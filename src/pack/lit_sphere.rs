@@ -192,7 +192,7 @@ impl SphereLights {
         (ALBEDO * color * diffuse + Vec3::splat(gloss) + rim).min(Vec3::ONE)
     }
 
-    /// Whether all of them are gray.
+    /// Tells whether all of them are gray.
     pub fn are_gray(&self) -> bool {
         let [key, fill, back] = self.colors;
         let all = [key, fill, back, self.sky, self.ground, self.rim];

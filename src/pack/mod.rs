@@ -182,7 +182,7 @@ pub enum ColorBy {
 }
 
 impl ColorBy {
-    /// Whether the color is data that no light changes.
+    /// Tells whether the color is data that no light changes.
     pub fn is_data(self) -> bool {
         matches!(
             self,

@@ -240,7 +240,7 @@ impl OrientedPolygon {
         self.normal.dot(towards) > -self.spread * towards.length()
     }
 
-    /// Whether the footprint contains these coordinates, the round bound included.
+    /// Tells whether the footprint contains these coordinates, the round bound included.
     pub fn contains(&self, [u, v]: [f32; 2]) -> bool {
         let corners = self.footprint();
         let is_inside = |i: usize| {

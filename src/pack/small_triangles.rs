@@ -112,7 +112,7 @@ impl CornerScreen {
         self.rect_px.map(|edge| edge as u32)
     }
 
-    /// Whether triangles whose signed area (clockwise is positive) has this sign are not drawn.
+    /// Tells whether triangles whose signed area (clockwise is positive) has this sign are not drawn.
     pub(crate) fn is_dropped(&self, sign: i64) -> bool {
         sign as f32 == self.dropped_sign
     }

@@ -93,7 +93,7 @@ impl Plan {
         }
     }
 
-    /// Whether every splat of a cut of this plan is smaller than the largest point, so that none is looked at.
+    /// Tells whether every splat of a cut of this plan is smaller than the largest point, so that none is looked at.
     ///
     /// A node is a splat when the ellipse of its ball has a major axis of at most the threshold t. Its disc lies in
     /// that ball, and the ellipse contains the projected center: the footprint reaches at most t from there.
@@ -105,7 +105,7 @@ impl Plan {
             && kind.is_surface()
     }
 
-    /// Whether no splat has a radius of its own. Of a leaf that is small by [`SizeMetric::Exact`] the size at its center
+    /// Tells whether no splat has a radius of its own. Of a leaf that is small by [`SizeMetric::Exact`] the size at its center
     /// is at most the threshold too.
     pub(crate) fn has_one_size(&self, kind: ModelKind) -> bool {
         self.footprint != Footprint::Oriented
@@ -492,7 +492,7 @@ impl<'a> Writer<'a> {
         2.0 * radius * pixels_of_unit(self.view, center)
     }
 
-    /// Whether the footprint is surely smaller than the largest point. A point q of the disc around c is at most r
+    /// Tells whether the footprint is surely smaller than the largest point. A point q of the disc around c is at most r
     /// from it, so their projections differ by |q_xy - c_xy - (c_xy / c_z) (q_z - c_z)| / q_z <= r (1 + s) / (z - r).
     fn fits(&self, splat: &Splat) -> bool {
         let (view, plan) = (self.view, self.plan);

@@ -34,7 +34,7 @@ pub const MOST_LEAVES: usize = 1 << 16;
 /// Most levels of a page.
 pub const MOST_LEVELS: usize = 16;
 
-/// Whether a file beginning with these bytes is a paged file.
+/// Tells whether a file beginning with these bytes is a paged file.
 pub fn is_paged_file(start: &[u8]) -> bool {
     start.starts_with(&MAGIC)
 }

@@ -123,7 +123,7 @@ impl PatchCondition {
         }
     }
 
-    /// Whether the node may be drawn as its polygon at all.
+    /// Tells whether the node may be drawn as its polygon at all.
     #[inline(always)]
     pub(super) fn may_be_drawn(&self) -> bool {
         self.flags & NodePatch::NEVER == 0

@@ -194,7 +194,7 @@ impl<'a> PatchCanvas<'a> {
         }
     }
 
-    /// Whether a distance wins a pixel, and if so its index.
+    /// Tells whether a distance wins a pixel, and if so its index.
     fn wins(&mut self, [x, y]: [u32; 2], distance: f32) -> Option<usize> {
         let index = y as usize * self.view.width as usize + x as usize;
         let is_seen = distance >= self.view.near && distance <= self.view.far;

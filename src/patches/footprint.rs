@@ -40,7 +40,7 @@ pub(super) fn sample([x, y]: [usize; 2], count: usize) -> Vec2 {
     Vec2::new(x as f32, y as f32) * (2.0 / count as f32) + Vec2::splat(1.0 / count as f32 - 1.0)
 }
 
-/// Whether a footprint contains a place, in shares of the half sides.
+/// Tells whether a footprint contains a place, in shares of the half sides.
 pub(super) fn contains(share: Vec2, corner_cuts: [f32; 4]) -> bool {
     let mut corners = SIGNS.iter().zip(corner_cuts);
     corners.all(|(sign, cut)| share.dot(*sign) <= 2.0 - cut)

@@ -317,7 +317,7 @@ impl PhotoStage {
         &self.photos
     }
 
-    /// Whether a photograph is there whole.
+    /// Tells whether a photograph is there whole.
     pub fn is_whole(&self, index: usize) -> bool {
         matches!(self.photos.get(index), Some(Some(own)) if own.is_whole)
     }

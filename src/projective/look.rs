@@ -421,7 +421,7 @@ fn best_of_stage(
     count
 }
 
-/// Whether a candidate comes before another: by weight, and where they tie by its place in the list.
+/// Tells whether a candidate comes before another: by weight, and where they tie by its place in the list.
 fn is_before(one: &PixelCandidate, other: &PixelCandidate) -> bool {
     one.weight > other.weight || (one.weight == other.weight && one.list_index < other.list_index)
 }

@@ -39,7 +39,7 @@ pub struct CheckReport {
 }
 
 impl CheckReport {
-    /// Whether every promise holds.
+    /// Tells whether every promise holds.
     pub fn is_clean(&self) -> bool {
         self.count == 0
     }
@@ -143,7 +143,7 @@ pub fn check(model: &Model) -> CheckReport {
     sink.finish()
 }
 
-/// Whether all counts and indices of a model agree, so that no walk over it can leave an array. The first fault in words.
+/// Tells whether all counts and indices of a model agree, so that no walk over it can leave an array. The first fault in words.
 ///
 /// # Errors
 ///
@@ -373,7 +373,7 @@ fn each_ancestor(tree: &Tree, leaf: u32, mut visit: impl FnMut(u32)) {
     }
 }
 
-/// Whether points, with what reaches beyond them along the node's normal, lie within its thickness.
+/// Tells whether points, with what reaches beyond them along the node's normal, lie within its thickness.
 fn is_within_thickness(
     tree: &Tree,
     id: u32,

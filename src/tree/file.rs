@@ -125,7 +125,7 @@ impl PatchTable {
     }
 }
 
-/// Whether a file beginning with these bytes (at least 8) is a tree file.
+/// Tells whether a file beginning with these bytes (at least 8) is a tree file.
 pub fn is_tree_file(start: &[u8]) -> bool {
     start.starts_with(&MAGIC)
 }

@@ -15,8 +15,8 @@ const RAYS: [DVec3; 3] = [
 const MOST_WAITING: usize = 3 * 33 + 1;
 
 impl Model {
-    /// Whether the surface of a closed model ([`Model::is_closed`]) surrounds `point` (model space): rays from there leave
-    /// it more often than they enter it. Of no meaning for open surfaces; false in empty models, clouds, and for what is
+    /// Tells whether the surface of a closed model ([`Model::is_closed`]) surrounds `point` (model space): rays from there
+    /// leave it more often than they enter it. Of no meaning for open surfaces; false in empty models, clouds, and for what is
     /// not finite. Costs a few comparisons outside of the root's sphere, else microseconds; allocates nothing.
     pub fn surrounds(&self, point: Vec3) -> bool {
         let is_outside = self.tree.nodes.first().is_none_or(|root| {
@@ -58,7 +58,7 @@ impl Model {
     }
 }
 
-/// Whether a ray may meet a ball.
+/// Tells whether a ray may meet a ball.
 fn meets(eye: DVec3, ray: DVec3, center: DVec3, radius: f64) -> bool {
     let to = center - eye;
     let along = to.dot(ray) / ray.length_squared();

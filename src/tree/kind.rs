@@ -16,13 +16,13 @@ pub enum ModelKind {
 }
 
 impl ModelKind {
-    /// Whether the leaves are triangles.
+    /// Tells whether the leaves are triangles.
     #[inline]
     pub fn is_surface(self) -> bool {
         self == Self::Surface
     }
 
-    /// Whether the leaves are points.
+    /// Tells whether the leaves are points.
     #[inline]
     pub fn is_points(self) -> bool {
         self == Self::Points
@@ -71,7 +71,7 @@ impl Model {
         }
     }
 
-    /// Whether these are points without normals: none of 256 of them, evenly taken, has one.
+    /// Tells whether these are points without normals: none of 256 of them, evenly taken, has one.
     pub fn lacks_normals(&self) -> bool {
         const SAMPLES: usize = 256;
         let step = self.vertices.len().div_ceil(SAMPLES).max(1);

@@ -137,13 +137,13 @@ impl Sums {
         }
     }
 
-    /// Whether there are normals but their sum has no direction.
+    /// Tells whether there are normals but their sum has no direction.
     #[inline]
     pub(super) fn normals_cancel(&self) -> bool {
         self.normal_weight > 0.0 && self.normal.length() <= CANCELLED * self.normal_weight
     }
 
-    /// Whether the mean normal says nothing: it is short, and the normals below point all around instead of to and fro.
+    /// Tells whether the mean normal says nothing: it is short, and the normals below point all around instead of to and fro.
     /// `parts` are sums of parts and the normals that those have, zero for none.
     #[inline]
     pub(super) fn is_all_around(&self, parts: impl Iterator<Item = (Sums, Vec3)>) -> bool {

@@ -221,7 +221,7 @@ impl FrameBudget {
         self.report
     }
 
-    /// Whether the picture is coarser than wanted, so that [`refine`](FrameBudget::refine) would change it.
+    /// Tells whether the picture is coarser than wanted, so that [`refine`](FrameBudget::refine) would change it.
     pub fn is_coarse(&self) -> bool {
         self.shown_px > self.finest_px
     }

@@ -119,7 +119,7 @@ impl TimeHistory {
         self.is_frozen = !self.is_frozen;
     }
 
-    /// Whether no frame is added.
+    /// Tells whether no frame is added.
     pub fn is_frozen(&self) -> bool {
         self.is_frozen
     }

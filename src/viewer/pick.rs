@@ -58,7 +58,7 @@ impl PixelRay<'_> {
         }
     }
 
-    /// Whether a ball may hold what is looked for, `reach` pixels beside the ray.
+    /// Tells whether a ball may hold what is looked for, `reach` pixels beside the ray.
     fn comes_near(&self, center: Vec3, radius: f32, reach: f32) -> bool {
         let (offset, radius) = (center.as_dvec3() - self.start, f64::from(radius));
         let along = offset.dot(self.towards) / self.towards.length_squared();

@@ -115,7 +115,7 @@ impl PanelInterface {
         pos2(x as f32 / self.scale, y as f32 / self.scale)
     }
 
-    /// Whether something of the panel lies at a point.
+    /// Tells whether something of the panel lies at a point.
     fn covers(&self, at: Pos2) -> bool {
         self.context
             .layer_id_at(at)
@@ -225,7 +225,7 @@ impl PanelInterface {
         }
     }
 
-    /// Whether a text field has the keyboard.
+    /// Tells whether a text field has the keyboard.
     pub fn wants_keyboard(&self) -> bool {
         self.context.text_edit_focused()
     }

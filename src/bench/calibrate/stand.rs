@@ -178,7 +178,7 @@ impl CalibrationStand {
         (sum / count.max(1.0)).exp()
     }
 
-    /// Whether something was not measured since, because time was up.
+    /// Tells whether something was not measured since, because time was up.
     pub(super) fn gave_up(&self) -> bool {
         self.gave_up
     }

@@ -72,7 +72,7 @@ impl OcclusionTest<'_> {
         behind
     }
 
-    /// Whether some pixels all have something nearer; not where there are none.
+    /// Tells whether some pixels all have something nearer; not where there are none.
     #[inline(always)]
     fn are_nearer(&self, [left, right, top, bottom]: [u32; 4], asked: u32) -> bool {
         let (pixels, width) = (self.nearest.pixels.as_slice(), self.nearest.width);

@@ -196,12 +196,12 @@ impl SceneTextures {
         Some(self.raw.sources.len() as u32 - 1)
     }
 
-    /// Whether triangles have an image of the file.
+    /// Tells whether triangles have an image of the file.
     pub(super) fn has_image(&self, index: usize) -> bool {
         self.images.contains(&index)
     }
 
-    /// Whether texture coordinates were read from an attribute.
+    /// Tells whether texture coordinates were read from an attribute.
     pub(super) fn reads(&self, attribute: &str) -> bool {
         self.attributes.iter().any(|known| known == attribute)
     }

@@ -193,7 +193,7 @@ pub(super) fn of_harmonics(values: [f64; 3]) -> [u8; 4] {
     [red, green, blue, 255]
 }
 
-/// Whether an alpha means opaque in any of the ranges.
+/// Tells whether an alpha means opaque in any of the ranges.
 #[inline]
 pub(super) fn is_opaque(alpha: f64) -> bool {
     matches!(alpha, -1.0 | 1.0 | 255.0 | 65535.0)

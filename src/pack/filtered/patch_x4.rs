@@ -144,7 +144,7 @@ impl Four {
         }
     }
 
-    /// Whether any of them has no area.
+    /// Tells whether any of them has no area.
     pub(super) fn has_nothing(&self) -> bool {
         self.area.cmpeq(Vec4::ZERO).any()
     }
@@ -355,7 +355,7 @@ impl Eye<'_> {
         }
     }
 
-    /// Whether [`lit`](Self::lit) knows the color.
+    /// Tells whether [`lit`](Self::lit) knows the color.
     pub(super) fn is_plain(&self) -> bool {
         self.lamp.is_none() && self.sphere.is_none() && !self.shade.color_by.is_data()
     }

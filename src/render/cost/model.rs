@@ -234,7 +234,7 @@ pub struct DrawCosts {
 }
 
 impl DrawCosts {
-    /// Whether a cut takes the device less time than the host, which has to write and move its lists besides.
+    /// Tells whether a cut takes the device less time than the host, which has to write and move its lists besides.
     pub fn cuts_on_device(&self) -> bool {
         matches!((self.device_node_ns, self.node_ns), (Some(device), Some(host)) if device < host)
     }
@@ -398,7 +398,7 @@ impl DrawCosts {
         }
     }
 
-    /// Whether every figure is a time that can be: finite and not negative.
+    /// Tells whether every figure is a time that can be: finite and not negative.
     pub fn is_whole(&self) -> bool {
         let is_time = |ns: &f64| ns.is_finite() && *ns >= 0.0;
         let is_pass = |p: &PassCosts| {

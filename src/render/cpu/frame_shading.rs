@@ -100,7 +100,7 @@ impl FrameShading {
         self.flags & flag != 0
     }
 
-    /// Whether the headlight decides alone: the frame has no lamp and shows no data.
+    /// Tells whether the headlight decides alone: the frame has no lamp and shows no data.
     pub(super) fn has_headlight(&self) -> bool {
         !self.has(OTHERS)
     }

@@ -146,7 +146,7 @@ impl CpuRenderer {
         self.size
     }
 
-    /// Whether a frame that is the same as the last is not drawn again, and one whose cut is the same keeps that. Off at
+    /// Tells whether a frame that is the same as the last is not drawn again, and one whose cut is the same keeps that. Off at
     /// first, so that who measures frames measures whole ones; [`FrameTimes::kept`] says what was kept.
     pub fn keep_frames(&mut self, keep: bool) {
         self.keeps_frames = keep;

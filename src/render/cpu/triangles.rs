@@ -176,7 +176,7 @@ impl Triangles {
         self.parts.iter().map(|part| part.faces.len()).sum()
     }
 
-    /// Whether they are of this part of a picture: left, top, and one past right and bottom, pixels.
+    /// Tells whether they are of this part of a picture: left, top, and one past right and bottom, pixels.
     pub(super) fn are_within(&self, rect_px: [u32; 4]) -> bool {
         (self.light).is_none_or(|light| light.screen.rect_px() == rect_px)
     }
@@ -358,7 +358,7 @@ impl Edge {
     }
 }
 
-/// Whether whole steps can say where a corner is.
+/// Tells whether whole steps can say where a corner is.
 fn is_within_reach(placed: &PlacedCorner) -> bool {
     placed.steps.iter().all(|steps| steps.abs() <= MOST_STEPS)
 }

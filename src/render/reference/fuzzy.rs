@@ -236,7 +236,7 @@ impl FuzzyPixel {
 }
 
 impl BlendPasses {
-    /// Whether a fragment adds to a pixel. With one pass the pixel is told before what depths it has from now on, and
+    /// Tells whether a fragment adds to a pixel. With one pass the pixel is told before what depths it has from now on, and
     /// starts anew where the fragment replaces what is there.
     fn admit(self, pixel: &mut FuzzyPixel, depth: &FragmentDepth) -> bool {
         let is_empty = pixel.front == 0.0;

@@ -65,7 +65,7 @@ fn bytes_of<T>(count: usize) -> u64 {
 }
 
 impl DeviceCut {
-    /// Whether its lists have room for cuts of the scene.
+    /// Tells whether its lists have room for cuts of the scene.
     pub(crate) fn is_of(&self, scene: &DeviceScene) -> bool {
         self.scene == scene.id()
     }

@@ -117,7 +117,7 @@ impl DrawLists {
         })
     }
 
-    /// Whether they are those of `key`.
+    /// Tells whether they are those of `key`.
     pub(super) fn hold(&self, key: &PackKey) -> bool {
         self.held.as_ref().is_some_and(|held| held.key == *key)
     }

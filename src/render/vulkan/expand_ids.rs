@@ -82,7 +82,7 @@ impl IdExpansion {
         })
     }
 
-    /// Whether it is of such trees.
+    /// Tells whether it is of such trees.
     pub(super) fn is_of(&self, has_triangles: bool) -> bool {
         self.has_triangles == has_triangles
     }

@@ -256,7 +256,7 @@ impl DeviceScene {
             .collect()
     }
 
-    /// Whether the model of this index is drawn.
+    /// Tells whether the model of this index is drawn.
     #[cfg(feature = "viewer")]
     pub(crate) fn is_shown(&self, index: usize) -> bool {
         self.parts.get(index).is_some_and(|part| part.is_shown)
@@ -280,8 +280,8 @@ impl DeviceScene {
         (pages.start, &self.pages[pages])
     }
 
-    /// Whether a model that is shown has textures: then all pages have [`ScenePage::textures`]. Beside pages of paged files,
-    /// which have none, the means of textures are drawn.
+    /// Tells whether a model that is shown has textures: then all pages have [`ScenePage::textures`]. Beside pages of paged
+    /// files, which have none, the means of textures are drawn.
     pub(super) fn is_textured(&self) -> bool {
         if !self.pool.chunks().is_empty() {
             return false;
@@ -295,7 +295,7 @@ impl DeviceScene {
         self.parts.first().map_or(u64::MAX, |part| part.facts.id())
     }
 
-    /// Whether the copy is on this device, and not on one that was there before it.
+    /// Tells whether the copy is on this device, and not on one that was there before it.
     pub fn is_on(&self, gpu: &Arc<Gpu>) -> bool {
         Arc::ptr_eq(&self.gpu, gpu)
     }

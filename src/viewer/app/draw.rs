@@ -62,12 +62,12 @@ impl ViewerApp {
         events
     }
 
-    /// Whether the device works while the processor does.
+    /// Tells whether the device works while the processor does.
     fn frames_overlap(&self) -> bool {
         !self.screen.gpu().info().is_cpu()
     }
 
-    /// Whether frames have finished that [`finished`](ViewerApp::finished) has not told of and that matter now.
+    /// Tells whether frames have finished that [`finished`](ViewerApp::finished) has not told of and that matter now.
     pub(in crate::viewer) fn has_finished(&self) -> bool {
         self.control.is_some() && self.screen.has_finished()
     }
@@ -97,7 +97,7 @@ impl ViewerApp {
         }
     }
 
-    /// Whether the panel or the graph show another frame than the last.
+    /// Tells whether the panel or the graph show another frame than the last.
     fn shows_old_figures(&mut self) -> bool {
         let now = (self.frames, self.screen.frame_ms().to_bits());
         std::mem::replace(&mut self.shown_figures, now) != now
@@ -171,7 +171,7 @@ impl ViewerApp {
         Some(PaceSummary::of(&self.paced, control.target_ms()))
     }
 
-    /// Whether a time of frames is wanted.
+    /// Tells whether a time of frames is wanted.
     pub(in crate::viewer) fn is_paced(&self) -> bool {
         self.control.is_some()
     }

@@ -273,7 +273,7 @@ impl ViewerApp {
         }
     }
 
-    /// Whether nobody is there to read a message and go on.
+    /// Tells whether nobody is there to read a message and go on.
     pub(super) fn is_unattended(&self) -> bool {
         self.options.screenshot.is_some()
             || self.options.exit_after_frames.is_some()
@@ -286,12 +286,12 @@ impl ViewerApp {
         FrameGoal::of_ms(now, self.screen.is_drawn_by_processor())
     }
 
-    /// Whether the headlight is parallel.
+    /// Tells whether the headlight is parallel.
     pub(super) fn has_parallel_light(&self) -> bool {
         self.light == Light::Directional
     }
 
-    /// Whether something is to be drawn.
+    /// Tells whether something is to be drawn.
     pub(super) fn is_dirty(&self) -> bool {
         self.is_dirty || self.is_cover_dirty
     }
@@ -301,7 +301,7 @@ impl ViewerApp {
         self.is_cover_dirty = true;
     }
 
-    /// Whether anything covers the picture.
+    /// Tells whether anything covers the picture.
     pub(super) fn has_cover(&self) -> bool {
         let has_notices = !self.notices.list().is_empty();
         let has_window = self.has_panel || self.has_help || self.has_graph;
@@ -404,12 +404,13 @@ impl ViewerApp {
         }
     }
 
-    /// Whether frames wait until their pages are there: pictures that nobody watches, and recordings, are the same each time.
+    /// Tells whether frames wait until their pages are there: pictures that nobody watches, and recordings, are the same each
+    /// time.
     fn waits_for_pages(&self) -> bool {
         self.is_unattended() || self.options.replay.is_some()
     }
 
-    /// Whether the next frame would be finer, since pages came.
+    /// Tells whether the next frame would be finer, since pages came.
     pub(super) fn take_pages(&mut self) {
         for message in self.screen.take_page_messages() {
             self.warn(&message);

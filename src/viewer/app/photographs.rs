@@ -48,12 +48,12 @@ pub(super) struct ModelPhotographs {
 }
 
 impl ModelPhotographs {
-    /// Whether something of them is painted over the picture.
+    /// Tells whether something of them is painted over the picture.
     pub(super) fn has_marks(&self) -> bool {
         self.has_frusta || self.has_radar
     }
 
-    /// Whether threads will send something.
+    /// Tells whether threads will send something.
     fn is_loading(&self) -> bool {
         let Some(stage) = &self.stage else {
             return self.loader.is_some();
@@ -149,7 +149,7 @@ impl ViewerApp {
         }
     }
 
-    /// Whether photographs are still to come.
+    /// Tells whether photographs are still to come.
     pub(in crate::viewer) fn waits_for_photographs(&self) -> bool {
         self.photographs.is_loading()
     }

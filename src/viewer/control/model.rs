@@ -441,7 +441,7 @@ impl TimeModel {
         (found.into_iter().map(|(_, f)| f).collect(), is_known)
     }
 
-    /// Whether the last frame was drawn by compute; none before the first.
+    /// Tells whether the last frame was drawn by compute; none before the first.
     fn last_by_compute(&self) -> Option<bool> {
         let number = |way: &KnownWay| way.frames.back().map_or(0, |f| f.number);
         let [raster, compute] = &self.ways;

@@ -135,7 +135,7 @@ impl ThresholdSearch {
         self.has_edge |= tried.is_at_edge && tried.share > 1.0 + EDGE_BAND;
     }
 
-    /// Whether the time jumps over the wanted one beside `best`.
+    /// Tells whether the time jumps over the wanted one beside `best`.
     fn has_jump(&self, best: &TriedThreshold) -> bool {
         best.off() > DEAD_BAND
             && matches!(&self.around, [Some(coarse), Some(fine)] if coarse.px < WIDE_JUMP * fine.px)
@@ -337,7 +337,7 @@ impl FrameBudget {
         })
     }
 
-    /// Whether a frame is to be drawn nearly as it was before at this place.
+    /// Tells whether a frame is to be drawn nearly as it was before at this place.
     fn is_kept(&self, begin: &PlanBegin, tried: &TriedThreshold) -> bool {
         let kept = |ms: f64| (ms / self.target_ms).ln().abs() <= AGAINST;
         let is_doubted = || tried.off() <= DOUBTED && begin.took_ms.is_some_and(kept);
@@ -437,7 +437,7 @@ impl FrameBudget {
         }
     }
 
-    /// Whether it is known that nothing nearer the wanted time lies beside this.
+    /// Tells whether it is known that nothing nearer the wanted time lies beside this.
     fn is_blocked(&self, tried: &TriedThreshold) -> bool {
         let (until, off) = self.blocked[tried.side()];
         self.planned < until && tried.off() < off + WORSE

@@ -7,7 +7,7 @@ use crate::abi::constants::{
 use crate::render::cpu::filtered::{Band, Canvas};
 use std::ops::Range;
 
-/// Whether a splat is drawn here.
+/// Tells whether a splat is drawn here.
 fn is_large(splat: &FilteredSplat) -> bool {
     splat.side_px > LARGEST_SMALL_BLENDED_PX
 }

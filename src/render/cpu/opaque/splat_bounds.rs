@@ -216,7 +216,7 @@ impl Placer<'_> {
         }
     }
 
-    /// Whether all are there.
+    /// Tells whether all are there.
     #[inline(always)]
     fn is_full(&self) -> bool {
         self.len >= self.places.0.first.len()

@@ -262,7 +262,7 @@ impl PolygonBand<'_> {
         }
     }
 
-    /// Whether a depth is nearer than what is there; it stays then.
+    /// Tells whether a depth is nearer than what is there; it stays then.
     fn wins(&mut self, here: usize, depth: f32) -> bool {
         let is_nearer = depth > self.depths[here];
         if is_nearer {

@@ -11,7 +11,7 @@ use crate::render::pack_params::splat_plan;
 use crate::render::{Method, Settings};
 
 impl CpuRenderer {
-    /// Whether an opaque picture holds more than colors of eight bits in the headlight.
+    /// Tells whether an opaque picture holds more than colors of eight bits in the headlight.
     pub(super) fn needs_surfaces(&self, settings: &Settings) -> bool {
         let outputs = self.planes.outputs();
         outputs.values || outputs.normal || !settings.has_headlight()

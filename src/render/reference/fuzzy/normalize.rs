@@ -81,7 +81,7 @@ impl FuzzySums<'_> {
         self.pixels[i].sum.w >= LEAST_FUZZY_WEIGHT
     }
 
-    /// Whether a pixel or one of its 8 neighbors in the picture shows nothing.
+    /// Tells whether a pixel or one of its 8 neighbors in the picture shows nothing.
     fn is_rim(&self, i: usize) -> bool {
         let (width, height) = (
             self.frame.view.width as usize,

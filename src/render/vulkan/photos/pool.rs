@@ -164,7 +164,7 @@ impl PhotoPool {
         &self.buffer
     }
 
-    /// Whether a frame would be sharper than the last, since its photographs were not all copied.
+    /// Tells whether a frame would be sharper than the last, since its photographs were not all copied.
     pub fn is_behind(&self) -> bool {
         self.is_behind
     }
