@@ -17,7 +17,7 @@ pub use stream::{OpenedStream, external_options, open_stream};
 
 use crate::Error;
 use crate::generate::{self, ShapeSpec};
-use crate::input::{self, Counts, FilePart, Format, InputStream, PointFilter, Warning};
+use crate::input::{self, FileCounts, FilePart, Format, InputStream, PointFilter, Warning};
 use crate::math::camera::Camera;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
@@ -236,7 +236,7 @@ pub struct OpenedModel {
     /// Size of the file as stored, bytes; 0 without a file.
     pub file_bytes: u64,
     /// Numbers of things that the source holds, before anything was divided, merged or left out.
-    pub counts: Counts,
+    pub counts: FileCounts,
     /// Warnings of what was repaired or left out.
     pub warnings: Vec<Warning>,
     /// Parts of the file, and what became of each; empty where it is no model file.
@@ -307,8 +307,8 @@ pub fn open_with_preview(
     let estimates = options.tree.point_normals == PointNormals::Estimate;
     let mut has_estimated_normals = false;
     let (model, build_ms) = match content {
-        Content::Model(model) => (*model, 0.0),
-        Content::Mesh(mut mesh) => {
+        OpenedContent::Model(model) => (*model, 0.0),
+        OpenedContent::Mesh(mut mesh) => {
             let mut building = options.tree;
             match building.crease_degrees {
                 Some(_) if !mesh.is_cloud() => mesh.normals = Vec::new(),
@@ -321,7 +321,7 @@ pub fn open_with_preview(
             let model = keep::build(mesh, &building, &mut attributes, progress)?;
             (model, milliseconds_since(start))
         }
-        Content::Cloud(QsCloud { mesh, radii }) => {
+        OpenedContent::Cloud(QsCloud { mesh, radii }) => {
             on_mesh(&mesh);
             let start = Instant::now();
             let model = tree::build_with_radii(mesh, &radii, progress)?;
@@ -367,11 +367,11 @@ fn milliseconds_since(start: Instant) -> f64 {
 }
 
 /// Puts what was read where it is to stand.
-fn place(mut content: Content, placement: &MeshPlacement) -> Result<Content, String> {
+fn place(mut content: OpenedContent, placement: &MeshPlacement) -> Result<OpenedContent, String> {
     match &mut content {
         _ if placement.is_identity() => {}
-        Content::Mesh(mesh) => placement.apply(mesh)?,
-        Content::Cloud(_) | Content::Model(_) => {
+        OpenedContent::Mesh(mesh) => placement.apply(mesh)?,
+        OpenedContent::Cloud(_) | OpenedContent::Model(_) => {
             let cause = "a tree stays where it was built and has its colors; name the file that it was built from";
             return Err(cause.to_owned());
         }
@@ -380,7 +380,7 @@ fn place(mut content: Content, placement: &MeshPlacement) -> Result<Content, Str
 }
 
 /// Content of a source.
-enum Content {
+enum OpenedContent {
     Mesh(Mesh),
     /// Points whose radii are known.
     Cloud(QsCloud),
@@ -389,10 +389,10 @@ enum Content {
 
 /// Content of a source, with its facts.
 struct SourceContent {
-    content: Content,
+    content: OpenedContent,
     format: SourceFormat,
     file_bytes: u64,
-    counts: Counts,
+    counts: FileCounts,
     warnings: Vec<Warning>,
     parts: Vec<FilePart>,
     attributes: PointAttributes,
@@ -403,11 +403,11 @@ struct SourceContent {
 impl SourceContent {
     fn generated(mesh: Mesh, scene: Option<SceneView>) -> Self {
         Self {
-            counts: Counts {
+            counts: FileCounts {
                 vertices: mesh.positions.len() as u64,
                 faces: mesh.triangles.len() as u64,
             },
-            content: Content::Mesh(mesh),
+            content: OpenedContent::Mesh(mesh),
             format: SourceFormat::Generated,
             file_bytes: 0,
             warnings: Vec::new(),
@@ -420,11 +420,11 @@ impl SourceContent {
 
     fn tree(model: Model, file_bytes: u64) -> Self {
         Self {
-            counts: Counts {
+            counts: FileCounts {
                 vertices: model.vertices.len() as u64,
                 faces: model.triangles.len() as u64,
             },
-            content: Content::Model(Box::new(model)),
+            content: OpenedContent::Model(Box::new(model)),
             format: SourceFormat::Tree,
             file_bytes,
             warnings: Vec::new(),
@@ -439,11 +439,11 @@ impl SourceContent {
 impl From<QsCloud> for SourceContent {
     fn from(cloud: QsCloud) -> Self {
         Self {
-            counts: Counts {
+            counts: FileCounts {
                 vertices: cloud.radii.len() as u64,
                 faces: 0,
             },
-            content: Content::Cloud(cloud),
+            content: OpenedContent::Cloud(cloud),
             format: SourceFormat::QSplat,
             file_bytes: 0,
             warnings: Vec::new(),
@@ -455,10 +455,10 @@ impl From<QsCloud> for SourceContent {
     }
 }
 
-impl From<input::Loaded> for SourceContent {
-    fn from(loaded: input::Loaded) -> Self {
+impl From<input::LoadedMesh> for SourceContent {
+    fn from(loaded: input::LoadedMesh) -> Self {
         Self {
-            content: Content::Mesh(loaded.mesh),
+            content: OpenedContent::Mesh(loaded.mesh),
             format: SourceFormat::Mesh(loaded.format),
             file_bytes: loaded.file_bytes,
             counts: loaded.counts,
@@ -495,7 +495,7 @@ fn read(
             progress.stage("generate", 0);
             let mesh = generate::mesh(spec);
             if progress.is_cancelled() {
-                return Err(generate::Error::Cancelled.into());
+                return Err(generate::GenerateError::Cancelled.into());
             }
             Ok(SourceContent::generated(mesh, None))
         }

@@ -8,7 +8,7 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 use surfel::{
-    generate::{self, Error, GeneratedShape, ShapeSpec, ply},
+    generate::{self, GenerateError, GeneratedShape, ShapeSpec, ply},
     mesh::Mesh,
     progress::{Progress, Silent},
 };
@@ -454,9 +454,9 @@ fn files_are_whole_or_absent() {
 
     let meter = Meter::until(1000);
     let result = generate::write_ply_file(&spec, &path, &meter);
-    assert!(matches!(result, Err(Error::Cancelled)));
+    assert!(matches!(result, Err(GenerateError::Cancelled)));
     let result = ply::write(&generate::mesh(&spec), &path, &meter);
-    assert!(matches!(result, Err(Error::Cancelled)));
+    assert!(matches!(result, Err(GenerateError::Cancelled)));
     assert_eq!(std::fs::read_dir(&folder).expect("listed").count(), 0);
 
     let meter = Meter::until(u64::MAX);
@@ -490,6 +490,6 @@ fn a_full_disk_is_an_error() {
     let spec = grid(GeneratedShape::Sphere, 24, 11);
     for room in [0, 500, 7000] {
         let result = generate::write_ply(&spec, &mut Full(room), &Silent);
-        assert!(matches!(result, Err(Error::Stream(_))), "{room}");
+        assert!(matches!(result, Err(GenerateError::Stream(_))), "{room}");
     }
 }

@@ -44,7 +44,7 @@ fn counters_are_believed_only_where_they_are_exact() {
 use surfel::generate::GeneratedShape;
 use surfel::gpu::frame::FrameMeasure;
 use surfel::math::camera::View;
-use surfel::measure::profile::{Error, FrameProfile, Plan, ProfileProof};
+use surfel::measure::profile::{FrameProfile, ProfileError, ProfilePlan, ProfileProof};
 use surfel::measure::report::ProfileReport;
 use surfel::measure::trace;
 use surfel::progress::{Progress, Silent};
@@ -73,7 +73,7 @@ fn views(model: &Model, count: u32) -> Vec<View> {
 
 fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings) -> FrameProfile {
     let mut engine = Engine::new(backend, model, SIZE, PictureOutputs::default()).unwrap();
-    let plan = Plan {
+    let plan = ProfilePlan {
         views,
         settings,
         warm_up: 1,
@@ -417,7 +417,7 @@ fn the_mirror_has_stages_and_counts() {
     // No view, no figures.
     let mut engine =
         Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
-    let plan = Plan {
+    let plan = ProfilePlan {
         views: &[],
         settings: &settings,
         warm_up: 1,
@@ -459,7 +459,7 @@ fn cancelling_ends_at_the_next_frame() {
     let settings = settings(Method::Pop, SplatKind::Square);
     let mut engine =
         Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
-    let plan = Plan {
+    let plan = ProfilePlan {
         views: &views,
         settings: &settings,
         warm_up: 1,
@@ -474,7 +474,7 @@ fn cancelling_ends_at_the_next_frame() {
             ProfileProof::default(),
             &progress,
         ) {
-            Err(Error::Cancelled(n)) => assert_eq!(n, frames),
+            Err(ProfileError::Cancelled(n)) => assert_eq!(n, frames),
             other => panic!("{other:?}"),
         }
     }

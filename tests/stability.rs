@@ -11,8 +11,10 @@ use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::{Difference, Image, compare};
 use surfel::input;
 use surfel::math::camera::Camera;
-use surfel::measure::motion::{self, CameraPath, MotionSteps, MotionSubject, MotionTarget, Plan};
-use surfel::measure::temporal::{Figures, PictureSequence, TemporalRules};
+use surfel::measure::motion::{
+    self, CameraPath, MotionPlan, MotionSteps, MotionSubject, MotionTarget,
+};
+use surfel::measure::temporal::{PictureSequence, SequenceFigures, TemporalRules};
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
@@ -345,7 +347,7 @@ fn along(
             settings: *s,
         })
         .collect();
-    let plan = Plan {
+    let plan = MotionPlan {
         frames: &frames,
         subjects: &subjects,
         samples_side,
@@ -376,11 +378,11 @@ fn what_equals_its_reference_does_not_flicker() {
             figures.reference_level > 1.0,
             "the picture moves: {figures:?}"
         );
-        let expected = Figures {
+        let expected = SequenceFigures {
             steps: 4,
             reference_level: figures.reference_level,
             worst_frame: 1,
-            ..Figures::default()
+            ..SequenceFigures::default()
         };
         assert_eq!(figures, expected);
     }

@@ -4,8 +4,10 @@ use super::costs::costs_of;
 use super::progress::Bar;
 use super::{Failure, Outcome, say, usage};
 use surfel::OpenedModel;
-use surfel::chart::auto::{Bounds, CalibrationKey, ChartCalibration, ChosenConfiguration, fill_of};
-use surfel::chart::{DrawConfiguration, Plan};
+use surfel::chart::auto::{
+    CalibrationKey, ChartCalibration, ChoiceBounds, ChosenConfiguration, fill_of,
+};
+use surfel::chart::{ChartPlan, DrawConfiguration};
 use surfel::math::camera::View;
 use surfel::render::engine::Backend;
 use surfel::render::{Path, Settings};
@@ -85,7 +87,7 @@ impl AutoArgs {
                     "surfel: auto: measuring once what {} makes of models like this one",
                     backend.name()
                 ));
-                let tried = Plan::quick().choices(model, backend);
+                let tried = ChartPlan::quick().choices(model, backend);
                 let tried: Vec<_> = tried.iter().map(DrawConfiguration::settings).collect();
                 let how = (size, costs_of(backend, &tried));
                 let bar = Bar::new(quiet);
@@ -101,7 +103,7 @@ impl AutoArgs {
                 made
             }
         };
-        let bounds = Bounds {
+        let bounds = ChoiceBounds {
             max_error: self.max_error,
             frame_ms: self.frame_ms,
         };

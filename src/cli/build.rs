@@ -1,7 +1,7 @@
 //! `surfel build`
 
 use super::progress::Bar;
-use super::source::{Source, parse_bytes};
+use super::source::{ModelArgs, parse_bytes};
 use super::{Failure, Outcome, bytes, count, say};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -17,9 +17,9 @@ use surfel::tree;
 #[command(
     after_help = "Examples:\n  surfel build scan.ply -o scan.surfel && surfel render scan.surfel -o scan.png\n  surfel build tiles/a.laz tiles/b.laz --memory 1GiB -o town.surfel"
 )]
-pub(crate) struct Args {
+pub(crate) struct BuildArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// Further models, built into the same file; only with --memory
     #[arg(value_name = "MORE", index = 2)]
     more: Vec<PathBuf>,
@@ -58,7 +58,7 @@ fn parse_page_leaves(text: &str) -> Result<usize, String> {
     }
 }
 
-impl Args {
+impl BuildArgs {
     fn pages(&self) -> PagedOptions {
         PagedOptions {
             page_leaves: self.page_leaves,
@@ -68,7 +68,12 @@ impl Args {
 }
 
 /// Builds the model piece by piece; `false` where it must be read whole.
-fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Result<bool, Failure> {
+fn build_in_pieces(
+    args: &BuildArgs,
+    memory: u64,
+    output: &Path,
+    quiet: bool,
+) -> Result<bool, Failure> {
     let bar = Bar::new(quiet);
     let options = args.source.options()?;
     if args.source.weld {
@@ -187,7 +192,7 @@ fn write_model(
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: BuildArgs, quiet: bool) -> Outcome {
     let output = match &args.output {
         Some(path) => path.clone(),
         None => match ModelSource::parse(&args.source.model)? {

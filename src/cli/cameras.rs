@@ -119,7 +119,7 @@ fn camera_around(
 /// Reads a camera file; every error names it.
 pub(crate) fn read_camera(path: &Path) -> Result<Camera, Failure> {
     Camera::read(path).map_err(|error| match error {
-        error @ surfel::math::camera::Error::Value(_) => {
+        error @ surfel::math::camera::CameraError::Value(_) => {
             Failure::Input(anyhow::Error::new(error).context(path.display().to_string()))
         }
         other => other.into(),

@@ -4,18 +4,18 @@ use super::cameras::parse_size;
 use super::costs::costs_of;
 use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
+use super::source::{Framing, KeepArgs, ModelArgs, SurfaceArgs};
 use super::{Failure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::chart::agree::{ReferenceAgreement, agreement};
-use surfel::chart::page::{Shot, html, panel_facts};
+use surfel::chart::page::{PointShot, html, panel_facts};
 use surfel::chart::plot::{METRICS, pixels, svg};
 use surfel::chart::run::{ChartBench, ChartPlace, block, empty_row, orbit};
 use surfel::chart::summary::{SummaryPanel, summarize};
-use surfel::chart::{ChartRow, DrawConfiguration, Plan, read_rows, write_rows};
+use surfel::chart::{ChartPlan, ChartRow, DrawConfiguration, read_rows, write_rows};
 use surfel::image::FloatImage;
 use surfel::progress::Progress;
 use surfel::render::engine::Backend;
@@ -33,7 +33,7 @@ pictures beside the reference. docs/MEASURING.md says what each column means.";
 /// Measure time and error of every method, splat and threshold, and draw them as a chart.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct ChartArgs {
     /// Model files, generate:SHAPE[:TRIANGLES], or scene:NAME
     #[arg(value_name = "MODEL", required = true)]
     models: Vec<PathBuf>,
@@ -77,12 +77,12 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-impl Args {
-    fn plan(&self) -> Result<Plan, Failure> {
+impl ChartArgs {
+    fn plan(&self) -> Result<ChartPlan, Failure> {
         let mut plan = if self.quick {
-            Plan::quick()
+            ChartPlan::quick()
         } else {
-            Plan::full()
+            ChartPlan::full()
         };
         plan.size = self.size;
         plan.views = self.views.unwrap_or(plan.views);
@@ -173,17 +173,17 @@ fn earlier_rows(path: &Path, like: &ChartRow) -> Result<Vec<ChartRow>, Failure> 
 }
 
 /// What a run collects.
-struct Run<'a> {
-    plan: &'a Plan,
+struct ChartRun<'a> {
+    plan: &'a ChartPlan,
     backend: &'a Backend,
     path: PathBuf,
     earlier: Vec<ChartRow>,
     rows: Vec<ChartRow>,
     references: Vec<FloatImage>,
-    shots: Vec<Shot>,
+    shots: Vec<PointShot>,
 }
 
-impl Run<'_> {
+impl ChartRun<'_> {
     /// Measures all of a model that is not measured yet, and draws the pictures of its frontier.
     fn model(&mut self, ready: &OpenedModel, bar: &Bar) -> Outcome {
         let (model, plan) = (&ready.model, self.plan);
@@ -238,7 +238,7 @@ impl Run<'_> {
             };
             for &point in &panel.frontier {
                 let picture = bench.picture(&view, &panel.points[point].choice)?;
-                self.shots.push(Shot {
+                self.shots.push(PointShot {
                     panel: first_panel + i,
                     point,
                     picture,
@@ -263,14 +263,14 @@ impl Run<'_> {
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: ChartArgs, quiet: bool) -> Outcome {
     let plan = args.plan()?;
     let other = args.other_panels()?;
     let backend = args.device.open()?;
     let bar = Bar::new(quiet);
-    let mut run: Option<Run<'_>> = None;
+    let mut run: Option<ChartRun<'_>> = None;
     for path in &args.models {
-        let source = Source {
+        let source = ModelArgs {
             model: path.clone(),
             weld: args.weld,
             frame: Framing::Robust,
@@ -303,7 +303,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
                 let any = surfel::chart::choice::TRIANGLES;
                 let like = empty_row(&backend, &ready.model, &plan, place, &any);
                 let path = args.output.join("rows.csv");
-                none.insert(Run {
+                none.insert(ChartRun {
                     plan: &plan,
                     backend: &backend,
                     earlier: earlier_rows(&path, &like)?,
@@ -429,7 +429,7 @@ fn with_hint(failure: Failure) -> Failure {
         Failure::Run(error)
             if matches!(
                 error.downcast_ref(),
-                Some(Error::Chart(chart::Error::Cancelled))
+                Some(Error::Chart(chart::ChartError::Cancelled))
             ) =>
         {
             Failure::Run(anyhow::anyhow!(
@@ -441,7 +441,7 @@ fn with_hint(failure: Failure) -> Failure {
 }
 
 /// Title and subtitle of the chart.
-fn heading(run: &Run<'_>) -> (String, String) {
+fn heading(run: &ChartRun<'_>) -> (String, String) {
     let plan = run.plan;
     let kind = match run.backend.device() {
         Some(gpu) if gpu.info().is_cpu() => {

@@ -1,6 +1,6 @@
 //! `surfel check`
 
-use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
+use super::source::{Framing, KeepArgs, ModelArgs, SurfaceArgs};
 use super::{Failure, Outcome, chain, count, print};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -20,7 +20,7 @@ use surfel::tree;
 #[command(
     after_help = "Examples:\n  surfel check scan.ply\n  surfel check models/*.obj\n\nExit code 2 when a file cannot be read, 1 when an invariant of a tree does not hold."
 )]
-pub(crate) struct Args {
+pub(crate) struct CheckArgs {
     /// Model files, - for standard input, or generate:SHAPE[:TRIANGLES]
     #[arg(value_name = "MODEL", required = true)]
     models: Vec<PathBuf>,
@@ -76,7 +76,7 @@ fn add_pages(path: &Path, report: &PagedReport, text: &mut String, rows: &mut Ve
     }));
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: CheckArgs, quiet: bool) -> Outcome {
     let mut rows = Vec::new();
     let mut text = String::new();
     let count_of_models = args.models.len();
@@ -102,7 +102,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             }
             continue;
         }
-        let source = Source {
+        let source = ModelArgs {
             model: path.clone(),
             weld: args.weld,
             frame: Framing::Robust,

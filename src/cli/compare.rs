@@ -6,7 +6,7 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::image::{
-    ChannelComparison, Difference, FloatImage, Image, Picture, PictureChannels, compare,
+    ChannelComparison, Difference, FloatImage, Image, PictureChannels, PixelSource, compare,
     compare_channels, contact_sheet, difference_picture,
 };
 use surfel::measure::{
@@ -19,7 +19,7 @@ use surfel::measure::{
 #[command(
     after_help = "Examples:\n  surfel compare reference.png picture.png\n  surfel compare reference.exr picture.exr --json\n  surfel compare a.png b.png --background black --difference d.png --gain 4 --worst worst.png\n  surfel compare a.png b.png --max-flip 0.01 --min-psnr 40\n\nPictures are PNG or EXR files of one size. Coverage and silhouette are compared where the pictures have alpha (the EXR\nfiles of surfel render do, both) or --background says what is not covered; normals where both files have them. Every other channel (alpha, depth, any of an\nEXR file) is compared value by value, and what one file lacks is said: it never counts as equal (--equal).\nExit codes: 0 within the bounds, 1 past one of them, 2 what cannot be compared."
 )]
-pub(crate) struct Args {
+pub(crate) struct CompareArgs {
     /// The picture that is right
     #[arg(value_name = "REFERENCE")]
     reference: PathBuf,
@@ -56,13 +56,13 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    bounds: Bounds,
+    bounds: CompareBounds,
 }
 
 /// Past one of these the run fails.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Bounds")]
-struct Bounds {
+struct CompareBounds {
     /// Largest mean FLIP difference, 0 to 1
     #[arg(long, value_name = "MEAN")]
     max_flip: Option<f64>,
@@ -267,7 +267,7 @@ impl Report {
     }
 
     /// The bounds that are missed, as a sentence.
-    fn missed(&self, bounds: &Bounds) -> Result<Option<String>, Failure> {
+    fn missed(&self, bounds: &CompareBounds) -> Result<Option<String>, Failure> {
         let mut missed = Vec::new();
         let mut check = |option: &str, value: f64, bound: Option<f64>, is_least: bool| {
             if let Some(bound) = bound {
@@ -360,7 +360,7 @@ impl Report {
     }
 }
 
-impl Bounds {
+impl CompareBounds {
     fn need_coverage(&self) -> bool {
         self.min_object_psnr.is_some()
             || self.max_missing.is_some()
@@ -390,7 +390,7 @@ impl Bounds {
     }
 }
 
-impl Args {
+impl CompareArgs {
     fn check(&self) -> Outcome {
         let outputs = [
             ("--difference", &self.difference),
@@ -535,7 +535,7 @@ fn worst_sheet(
     ))
 }
 
-pub(crate) fn run(args: Args) -> Outcome {
+pub(crate) fn run(args: CompareArgs) -> Outcome {
     args.check()?;
     let (reference, picture) = (args.load(&args.reference)?, args.load(&args.picture)?);
     if reference.size() != picture.size() {

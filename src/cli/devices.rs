@@ -13,7 +13,7 @@ use surfel::render::cost::model::{DrawCosts, PRIMITIVE_SIZES_PX, PassCosts, SIZE
 #[command(
     after_help = "Examples:\n  surfel devices\n  surfel devices --self-test\n  surfel devices --calibrate\n  surfel devices --json"
 )]
-pub(crate) struct Args {
+pub(crate) struct DevicesArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -94,7 +94,7 @@ fn costs_text(found: &FoundCalibration) -> String {
     out
 }
 
-pub(crate) fn run(args: Args) -> Outcome {
+pub(crate) fn run(args: DevicesArgs) -> Outcome {
     let devices = device::list()?;
     let mut reports = Vec::new();
     for info in &devices {

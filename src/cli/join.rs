@@ -22,7 +22,7 @@ Tiles can be built at once, on one machine or many, and joined when all are ther
   for tile in tiles/*.laz; do echo $tile; done | xargs -P 4 -I F surfel build F --memory 1GiB
 
 Nothing is copied: the files must stay where they are, seen from the joined one. Made anew they are joined anew.")]
-pub(crate) struct Args {
+pub(crate) struct JoinArgs {
     /// Paged trees (surfel build --paged or --memory), all of triangles or all of points; files or addresses
     #[arg(value_name = "TREE", required = true)]
     trees: Vec<PathBuf>,
@@ -46,7 +46,7 @@ fn open(tree: &Path, folder: &Path) -> anyhow::Result<ForestMember> {
     Ok(ForestMember { path, file })
 }
 
-pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: &JoinArgs, quiet: bool) -> Outcome {
     super::require_folder(&args.output)?;
     let folder = match args.output.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

@@ -502,14 +502,14 @@ mod tests {
     use super::*;
 
     #[derive(Debug, clap::Parser)]
-    struct Line {
+    struct VariedLine {
         #[command(flatten)]
         look: LookArgs,
     }
 
     fn look(line: &[&str]) -> LookArgs {
         let words = std::iter::once(&"test").chain(line);
-        <Line as clap::Parser>::parse_from(words).look
+        <VariedLine as clap::Parser>::parse_from(words).look
     }
 
     #[test]

@@ -15,7 +15,7 @@ Examples:
 /// Print a manual page, or write all of them into a folder.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct ManArgs {
     /// Command whose page is printed [default: the program]
     #[arg(value_name = "COMMAND", conflicts_with = "output")]
     command: Vec<String>,
@@ -25,7 +25,7 @@ pub(crate) struct Args {
 }
 
 /// Prints a page of `program`, or writes all of them.
-pub(crate) fn run(args: &Args, program: Command) -> Outcome {
+pub(crate) fn run(args: &ManArgs, program: Command) -> Outcome {
     let mut program = program.disable_help_subcommand(true);
     // Names of commands within commands are known only then.
     program.build();

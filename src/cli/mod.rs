@@ -79,7 +79,7 @@ fn is_of_input(error: &surfel::gpu::Error) -> bool {
 impl From<surfel::Error> for Failure {
     fn from(error: surfel::Error) -> Self {
         use surfel::Error as E;
-        use surfel::generate::Error as G;
+        use surfel::generate::GenerateError as G;
         use surfel::photos::error::PhotoError as P;
         let is_input = match &error {
             error if error.is_cancelled() => false,
@@ -90,12 +90,16 @@ impl From<surfel::Error> for Failure {
             E::Photos(P::Gpu(g)) => is_of_input(g),
             E::Photos(P::Picture(_) | P::Cancelled) => false,
             E::Photos(_) => true,
-            E::Bench(surfel::bench::Error::Memory { .. } | surfel::bench::Error::Camera(_)) => true,
-            E::Chart(surfel::chart::Error::Rows { .. } | surfel::chart::Error::Camera(_)) => true,
+            E::Bench(
+                surfel::bench::BenchError::Memory { .. } | surfel::bench::BenchError::Camera(_),
+            ) => true,
+            E::Chart(
+                surfel::chart::ChartError::Rows { .. } | surfel::chart::ChartError::Camera(_),
+            ) => true,
             E::Gpu(g)
-            | E::Profile(surfel::measure::profile::Error::Gpu(g))
-            | E::Chart(surfel::chart::Error::Gpu(g))
-            | E::Bench(surfel::bench::Error::Gpu(g)) => is_of_input(g),
+            | E::Profile(surfel::measure::profile::ProfileError::Gpu(g))
+            | E::Chart(surfel::chart::ChartError::Gpu(g))
+            | E::Bench(surfel::bench::BenchError::Gpu(g)) => is_of_input(g),
             _ => false,
         };
         if is_input {
@@ -119,14 +123,14 @@ macro_rules! failure_from {
 failure_from!(
     surfel::input::Error,
     surfel::tree::Error,
-    surfel::math::camera::Error,
+    surfel::math::camera::CameraError,
     surfel::image::Error,
     surfel::gpu::Error,
-    surfel::generate::Error,
-    surfel::measure::profile::Error,
-    surfel::failures::Error,
-    surfel::chart::Error,
-    surfel::bench::Error
+    surfel::generate::GenerateError,
+    surfel::measure::profile::ProfileError,
+    surfel::failures::FailuresError,
+    surfel::chart::ChartError,
+    surfel::bench::BenchError
 );
 
 /// A usage error with the given text.
@@ -194,55 +198,55 @@ struct Cli {
     #[arg(long, short, global = true)]
     quiet: bool,
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Option<ProgramCommand>,
     #[cfg(feature = "viewer")]
     #[command(flatten)]
-    view: view::Args,
+    view: view::ViewArgs,
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum ProgramCommand {
     /// Draw a model into a picture file
-    Render(Box<render::Args>),
+    Render(Box<render::RenderArgs>),
     /// Build the tree of a model and write it to a file that opens at once
-    Build(build::Args),
+    Build(build::BuildArgs),
     /// Write what is kept of a point cloud, with all that its points carry
-    Export(export::Args),
+    Export(export::ExportArgs),
     /// Say what is in a model file or a scene of photographs
-    Info(info::Args),
+    Info(info::InfoArgs),
     /// Check a model file and every invariant of its tree
-    Check(check::Args),
+    Check(check::CheckArgs),
     /// Write a generated model as PLY
-    Generate(generate::Args),
+    Generate(generate::GenerateArgs),
     /// Compare two pictures: FLIP, PSNR, SSIM, coverage, the worst place
-    Compare(Box<compare::Args>),
+    Compare(Box<compare::CompareArgs>),
     /// List the built-in scenes that methods fail at
-    Scenes(scenes::Args),
+    Scenes(scenes::ScenesArgs),
     /// Join paged trees into one model that refers to their files
-    Join(join::Args),
+    Join(join::JoinArgs),
     /// Serve the paged trees of a folder over http
     #[cfg(feature = "remote")]
-    Serve(serve::Args),
+    Serve(serve::ServeArgs),
     /// Measure what each pass and each stage of a frame costs
-    Profile(Box<profile::Args>),
+    Profile(Box<profile::ProfileArgs>),
     /// Measure how steady pictures are in motion: flicker, popping, churn of the cut
-    Motion(Box<motion::Args>),
+    Motion(Box<motion::MotionArgs>),
     /// Measure nodes drawn as one polygon where their error is small
-    Patches(Box<patches::Args>),
+    Patches(Box<patches::PatchesArgs>),
     /// Photographs on a mesh: draw it with them, or predict each from the others
-    Photos(Box<photos::Args>),
+    Photos(Box<photos::PhotosArgs>),
     /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
-    Stability(stability::Args),
+    Stability(stability::StabilityArgs),
     /// Measure time and error of every method, splat and threshold, and draw them as a chart
-    Chart(Box<chart::Args>),
+    Chart(Box<chart::ChartArgs>),
     /// Measure every figure that the program has to reach, with pass or miss
-    Bench(bench::Args),
+    Bench(bench::BenchArgs),
     /// Print published tables beside what is measured here
-    Reproduce(reproduce::Args),
+    Reproduce(reproduce::ReproduceArgs),
     /// List the devices of this machine and the limits that matter
-    Devices(devices::Args),
+    Devices(devices::DevicesArgs),
     /// Draw the built-in statue with every method
-    Demo(demo::Args),
+    Demo(demo::DemoArgs),
     /// Print a completion script for a shell
     #[command(
         after_help = "Example:\n  surfel completions bash > ~/.local/share/bash-completion/completions/surfel"
@@ -252,11 +256,11 @@ enum Command {
         shell: clap_complete::Shell,
     },
     /// Print a manual page, or write all of them into a folder
-    Man(man::Args),
+    Man(man::ManArgs),
     /// Give the window random input for some minutes, and watch memory and messages
     #[cfg(feature = "viewer")]
     #[command(hide = true)]
-    Soak(soak::Args),
+    Soak(soak::SoakArgs),
 }
 
 /// Parses the arguments. Those of the window do not go with a command; those of every command may stand before it
@@ -317,36 +321,36 @@ pub(crate) fn main() -> ExitCode {
     progress::catch_interrupt();
     let quiet = cli.quiet;
     let outcome = match cli.command {
-        Some(Command::Render(args)) => render::run(*args, quiet),
-        Some(Command::Build(args)) => build::run(args, quiet),
-        Some(Command::Export(args)) => export::run(args, quiet),
-        Some(Command::Info(args)) => info::run(args, quiet),
-        Some(Command::Check(args)) => check::run(args, quiet),
-        Some(Command::Generate(args)) => generate::run(args, quiet),
-        Some(Command::Compare(args)) => compare::run(*args),
-        Some(Command::Scenes(args)) => scenes::run(args),
-        Some(Command::Join(args)) => join::run(&args, quiet),
+        Some(ProgramCommand::Render(args)) => render::run(*args, quiet),
+        Some(ProgramCommand::Build(args)) => build::run(args, quiet),
+        Some(ProgramCommand::Export(args)) => export::run(args, quiet),
+        Some(ProgramCommand::Info(args)) => info::run(args, quiet),
+        Some(ProgramCommand::Check(args)) => check::run(args, quiet),
+        Some(ProgramCommand::Generate(args)) => generate::run(args, quiet),
+        Some(ProgramCommand::Compare(args)) => compare::run(*args),
+        Some(ProgramCommand::Scenes(args)) => scenes::run(args),
+        Some(ProgramCommand::Join(args)) => join::run(&args, quiet),
         #[cfg(feature = "remote")]
-        Some(Command::Serve(args)) => serve::run(&args),
-        Some(Command::Profile(args)) => profile::run(*args, quiet),
-        Some(Command::Motion(args)) => motion::run(*args, quiet),
-        Some(Command::Patches(args)) => patches::run(*args, quiet),
-        Some(Command::Photos(args)) => photos::run(*args, quiet),
-        Some(Command::Stability(args)) => stability::run(args, quiet),
-        Some(Command::Chart(args)) => chart::run(*args, quiet),
-        Some(Command::Bench(args)) => bench::run(args, quiet),
-        Some(Command::Reproduce(args)) => reproduce::run(args, quiet),
-        Some(Command::Devices(args)) => devices::run(args),
-        Some(Command::Demo(args)) => demo::run(args, quiet),
-        Some(Command::Completions { shell }) => {
+        Some(ProgramCommand::Serve(args)) => serve::run(&args),
+        Some(ProgramCommand::Profile(args)) => profile::run(*args, quiet),
+        Some(ProgramCommand::Motion(args)) => motion::run(*args, quiet),
+        Some(ProgramCommand::Patches(args)) => patches::run(*args, quiet),
+        Some(ProgramCommand::Photos(args)) => photos::run(*args, quiet),
+        Some(ProgramCommand::Stability(args)) => stability::run(args, quiet),
+        Some(ProgramCommand::Chart(args)) => chart::run(*args, quiet),
+        Some(ProgramCommand::Bench(args)) => bench::run(args, quiet),
+        Some(ProgramCommand::Reproduce(args)) => reproduce::run(args, quiet),
+        Some(ProgramCommand::Devices(args)) => devices::run(args),
+        Some(ProgramCommand::Demo(args)) => demo::run(args, quiet),
+        Some(ProgramCommand::Completions { shell }) => {
             // Not straight to standard output: the generator panics when its reader goes away.
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "surfel", &mut script);
             print(&String::from_utf8_lossy(&script))
         }
-        Some(Command::Man(args)) => man::run(&args, Cli::command()),
+        Some(ProgramCommand::Man(args)) => man::run(&args, Cli::command()),
         #[cfg(feature = "viewer")]
-        Some(Command::Soak(args)) => soak::run(&args, quiet),
+        Some(ProgramCommand::Soak(args)) => soak::run(&args, quiet),
         #[cfg(feature = "viewer")]
         None => view::run(cli.view, quiet),
         #[cfg(not(feature = "viewer"))]

@@ -3,7 +3,7 @@
 use super::cameras::{orbit_camera, parse_size};
 use super::error_patches::parse_error;
 use super::progress::Bar;
-use super::source::Source;
+use super::source::ModelArgs;
 use super::{Failure, Outcome, bytes, count, print, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
@@ -25,9 +25,9 @@ by less than the tolerances. Beside it stand one exact sample a pixel, and trian
 /// Measure the cut by error beside the cut by size.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct PatchesArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// Tolerances: pixels at silhouettes, pixels elsewhere, grey levels of the shade; negative ones draw no patch
     #[arg(long, value_name = "RIM,INSIDE,SHADE", default_value = "0.15,0.25,24", value_parser = parse_error, allow_hyphen_values = true)]
     error: ErrorTolerances,
@@ -65,7 +65,7 @@ pub(crate) struct Args {
     json: Option<PathBuf>,
 }
 
-impl Args {
+impl PatchesArgs {
     fn check(&self) -> Outcome {
         if let Some(bad) = self
             .fills
@@ -111,7 +111,7 @@ impl Args {
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: PatchesArgs, quiet: bool) -> Outcome {
     args.check()?;
     let bar = Bar::new(quiet);
     let ready = args.source.open_with(&bar)?;

@@ -24,17 +24,17 @@ use surfel::tree::Model;
 #[command(
     after_help = "Examples:\n  surfel photos score castle --mesh castle/mesh.ply -o scores\n  surfel photos render castle --mesh castle/mesh.ply --camera-of 3 --leave-out -o picture.png\n  surfel info castle                   cameras, and whether their conventions are right"
 )]
-pub(crate) struct Args {
+pub(crate) struct PhotosArgs {
     #[command(subcommand)]
-    command: Command,
+    command: PhotosCommand,
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Command {
+enum PhotosCommand {
     /// Predict each photograph from the others by a ladder of methods, and compare
     Score(ScoreArgs),
     /// Draw the mesh with photographs on it
-    Render(RenderArgs),
+    Render(PhotoRenderArgs),
 }
 
 /// A scene with its mesh.
@@ -72,7 +72,7 @@ struct ScoreArgs {
 }
 
 #[derive(Debug, clap::Args)]
-struct RenderArgs {
+struct PhotoRenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
     /// Draw from the pose of a photograph: its name or its number from 0
@@ -120,10 +120,10 @@ impl From<PhotoError> for Failure {
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: PhotosArgs, quiet: bool) -> Outcome {
     match args.command {
-        Command::Score(args) => score(args, quiet),
-        Command::Render(args) => render(args, quiet),
+        PhotosCommand::Score(args) => score(args, quiet),
+        PhotosCommand::Render(args) => render(args, quiet),
     }
 }
 
@@ -205,7 +205,7 @@ fn score(args: ScoreArgs, quiet: bool) -> Outcome {
 
 /// The camera that is asked for, and the photograph that has it.
 fn wanted_camera(
-    args: &RenderArgs,
+    args: &PhotoRenderArgs,
     scene: &PhotoScene,
 ) -> Result<(CalibratedCamera, Option<usize>), Failure> {
     if let Some(path) = &args.camera {
@@ -236,7 +236,7 @@ fn wanted_camera(
     Ok((scaled, Some(index)))
 }
 
-fn render(args: RenderArgs, quiet: bool) -> Outcome {
+fn render(args: PhotoRenderArgs, quiet: bool) -> Outcome {
     super::render::require_ending("--output", Some(&args.output), &["png"])?;
     super::check_outputs(&[&args.output], &args.scene.mesh)?;
     let (scene, model) = args.scene.open(quiet)?;

@@ -5,7 +5,7 @@ use super::costs::costs_of;
 use super::look::LookArgs;
 use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
-use super::source::Source;
+use super::source::ModelArgs;
 use super::stats::{device_of, settings_of};
 use super::vertex_splats::make_even_splats;
 use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
@@ -14,7 +14,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::measure::ValueDistribution;
-use surfel::measure::profile::{FrameProfile, Plan, ProfileProof};
+use surfel::measure::profile::{FrameProfile, ProfilePlan, ProfileProof};
 use surfel::measure::report::ProfileReport;
 use surfel::progress::Progress;
 use surfel::render::PictureOutputs;
@@ -34,9 +34,9 @@ figure means.";
 /// Measure what each pass and each stage of a frame costs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct ProfileArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// Views of the standard orbit to measure (azimuth (k + 1/2) 360/N degrees); with --camera as often that one
     #[arg(long, value_name = "N", default_value_t = 120)]
     frames: u32,
@@ -63,7 +63,7 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-impl Args {
+impl ProfileArgs {
     fn check(&self) -> Outcome {
         if self.frames == 0 || self.frames > 10_000 {
             return Err(usage(format!(
@@ -91,7 +91,7 @@ impl Args {
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
     args.check()?;
     let settings = args.look.settings()?;
     let camera = args.camera.read()?;
@@ -115,7 +115,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     engine.build_patches(&settings, &Bar::new(quiet))?;
     make_even_splats(&engine, &settings, quiet)?;
     engine.set_costs(costs_of(&backend, &[settings]));
-    let plan = Plan {
+    let plan = ProfilePlan {
         views: &views,
         settings: &settings,
         warm_up: args.warm_up,
@@ -198,9 +198,9 @@ fn memory(ready: &OpenedModel, profile: &FrameProfile) -> serde_json::Value {
 
 /// Rows of figures in columns.
 #[derive(Default)]
-struct Table(String);
+struct TextTable(String);
 
-impl Table {
+impl TextTable {
     fn line(&mut self, cells: [&str; 5]) {
         let [name, median, p5, p95, share] = cells;
         let line = format!("{name:<28}{median:>13}{p5:>13}{p95:>13}{share:>9}");
@@ -252,7 +252,7 @@ impl Table {
 const UNKNOWN: &str = "not known on this device";
 
 fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) -> String {
-    let mut t = Table::default();
+    let mut t = TextTable::default();
     match &profile.device {
         Some(info) if info.is_cpu() => t.text(&format!(
             "{}, software: it ranks passes and predicts no graphics card",
@@ -362,7 +362,7 @@ fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) ->
 }
 
 /// Tells whether it can be believed.
-fn proof(t: &mut Table, report: &ProfileReport) {
+fn proof(t: &mut TextTable, report: &ProfileReport) {
     let proof = &report.profiling;
     t.text("\ncan it be believed?");
     if let Some(test) = &proof.self_test {

@@ -11,7 +11,7 @@ use super::photo_args::{PhotoArgs, StagedScene, camera_of};
 use super::placement_args::PlacementArgs;
 use super::progress::{Bar, is_interrupted};
 use super::rendered_picture::{RenderedPicture, numbered};
-use super::source::{ColorArgs, PageArgs, Source, parse_wait};
+use super::source::{ColorArgs, ModelArgs, PageArgs, parse_wait};
 use super::vertex_splats::make_even_splats;
 use super::{Failure, Outcome, print_bytes, say, usage, write_text};
 use clap::Args as ClapArgs;
@@ -156,9 +156,9 @@ Examples:
 #[command(after_help = EXAMPLES)]
 // The model of a scene is the scene's own.
 #[command(mut_arg("model", |a| a.required(false).required_unless_present("scene").default_value("scene:").hide_default_value(true)))]
-pub(crate) struct Args {
+pub(crate) struct RenderArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// More models, drawn in the same picture
     #[arg(value_name = "MODEL", index = 2)]
     more: Vec<PathBuf>,
@@ -248,7 +248,7 @@ pub(crate) fn require_ending(option: &str, path: Option<&PathBuf>, allowed: &[&s
     }
 }
 
-impl Args {
+impl RenderArgs {
     fn check(&self) -> Outcome {
         let is_printed = self.output.as_deref() == Some(Path::new("-"));
         if is_printed && self.frames > 1 {
@@ -327,7 +327,7 @@ impl Args {
     ) -> Result<Vec<OpenedModel>, Failure> {
         let mut others = Vec::with_capacity(self.more.len());
         for (path, placement) in self.more.iter().zip(placements) {
-            let source = Source {
+            let source = ModelArgs {
                 model: path.clone(),
                 ..self.source.clone()
             };
@@ -409,7 +409,7 @@ fn tell_overdraw(times: &[FrameTimes]) {
 /// Frames drawn before the first that counts when times are asked for: shaders are compiled at the first draw.
 const WARM_UP: u32 = 2;
 
-pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
     match args.scene.as_deref() {
         Some("list") => return super::scenes::print_list(),
         Some(name) => args.source.model = PathBuf::from(format!("scene:{name}")),

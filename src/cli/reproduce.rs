@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
+use super::source::{Framing, KeepArgs, ModelArgs, SurfaceArgs};
 use super::{Failure, Outcome, print, say, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use surfel::chart::plot::angles::angles_svg;
 use surfel::chart::plot::pixels;
 use surfel::chart::published::dietz_failures::failures;
-use surfel::chart::published::{PublishedSubject, Table, benda, dietz, qsplat};
+use surfel::chart::published::{PublishedSubject, PublishedTable, benda, dietz, qsplat};
 use surfel::render::engine::Backend;
 
 const EXAMPLES: &str = "\
@@ -37,7 +37,7 @@ enum Origin {
 /// Print published tables beside what is measured here.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct ReproduceArgs {
     /// Whose tables
     #[arg(value_enum, value_name = "SOURCE")]
     origin: Origin,
@@ -68,7 +68,7 @@ fn squares(bar: &Bar) -> Result<Vec<(u64, u64)>, Failure> {
     (1..=10)
         .map(|k| {
             let triangles = k * 100_000;
-            let source = Source {
+            let source = ModelArgs {
                 model: PathBuf::from(format!("generate:square:{triangles}")),
                 weld: false,
                 frame: Framing::Robust,
@@ -81,7 +81,7 @@ fn squares(bar: &Bar) -> Result<Vec<(u64, u64)>, Failure> {
         .collect()
 }
 
-impl Args {
+impl ReproduceArgs {
     /// Refuses files that cannot be written, or would be over others of this command.
     fn check_files(&self) -> Outcome {
         let all = [
@@ -132,7 +132,7 @@ impl Args {
     }
 
     /// Prints the tables, or writes them where that is asked for; `backend` is what they were measured on.
-    fn show(&self, tables: &[Table], backend: Option<&Backend>) -> Outcome {
+    fn show(&self, tables: &[PublishedTable], backend: Option<&Backend>) -> Outcome {
         if self.json {
             let all = json!({
                 "device": backend.map(super::stats::device_of),
@@ -149,7 +149,7 @@ impl Args {
             }
             write_text(path, text.trim_end_matches('\n'))?;
         } else {
-            let text: Vec<String> = tables.iter().map(Table::text).collect();
+            let text: Vec<String> = tables.iter().map(PublishedTable::text).collect();
             print(&text.join("\n"))?;
             if let Some(backend) = backend {
                 say(&format!("measured on {}", backend.name()));
@@ -172,7 +172,7 @@ fn write_chart(path: &Path, svg: &str) -> Outcome {
     write_text(path, svg)
 }
 
-pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(mut args: ReproduceArgs, quiet: bool) -> Outcome {
     let is_default = args.models.is_empty();
     if is_default {
         args.models = match args.origin {
@@ -185,7 +185,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     args.check_files()?;
     let bar = Bar::new(quiet);
-    let mut tables: Vec<Table> = Vec::new();
+    let mut tables: Vec<PublishedTable> = Vec::new();
     if let Some(path) = &args.failures {
         let (sheet, table) = failures(&bar)?;
         sheet.save_png(path)?;
@@ -197,7 +197,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     let backend = args.device.open()?;
     for path in &args.models {
-        let source = Source {
+        let source = ModelArgs {
             model: path.clone(),
             weld: false,
             frame: Framing::Robust,

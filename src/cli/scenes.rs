@@ -10,7 +10,7 @@ use surfel::scenes::{self, SceneEntry};
 #[command(
     after_help = "Examples:\n  surfel scenes\n  surfel scenes --json\n  surfel render --scene sheets-1 -o sheets.png --splat filtered\n  surfel info scene:needles\n\nThe threshold is that of the picture; --threshold of render overrides it."
 )]
-pub(crate) struct Args {
+pub(crate) struct ScenesArgs {
     /// Print JSON, with sizes and closed forms
     #[arg(long)]
     json: bool,
@@ -44,7 +44,7 @@ fn facts(entry: &SceneEntry) -> serde_json::Value {
     })
 }
 
-pub(crate) fn run(args: Args) -> Outcome {
+pub(crate) fn run(args: ScenesArgs) -> Outcome {
     if !args.json {
         return print_list();
     }

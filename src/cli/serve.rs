@@ -16,7 +16,7 @@ Examples:
   surfel serve models --delay-ms 50 --megabits 50      as over a slow line
 
 It knows neither encryption nor users. For others than yourself use nginx or a bucket (docs/METHODS.md).")]
-pub(crate) struct Args {
+pub(crate) struct ServeArgs {
     /// Folder whose files are served
     #[arg(value_name = "DIR")]
     folder: PathBuf,
@@ -41,7 +41,7 @@ fn parse_rate(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(crate) fn run(args: &Args) -> Outcome {
+pub(crate) fn run(args: &ServeArgs) -> Outcome {
     if !args.folder.is_dir() {
         return Err(usage(format!("{}: not a folder", args.folder.display())));
     }

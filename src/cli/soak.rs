@@ -30,7 +30,7 @@ Examples:
 /// devices that are lost, photographs, recordings. Fails on any message of validation, and when memory grows.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct SoakArgs {
     /// Files that are dropped besides small ones that are made: models, scenes of photographs, cameras
     #[arg(value_name = "MODEL")]
     models: Vec<PathBuf>,
@@ -132,7 +132,7 @@ fn make_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
 
 /// Plays one session.
 fn play(
-    args: &Args,
+    args: &SoakArgs,
     number: u64,
     files: &[PathBuf],
     devices: &[String],
@@ -161,9 +161,9 @@ fn play(
         false => FrameGoal::Free,
     };
     let entries = session(&mut numbers, first.clone(), files, args.acts);
-    let mut recorder = EventRecorder::create(recording).map_err(viewer::Error::from)?;
-    recorder.add(&entries).map_err(viewer::Error::from)?;
-    recorder.finish().map_err(viewer::Error::from)?;
+    let mut recorder = EventRecorder::create(recording).map_err(viewer::ViewerError::from)?;
+    recorder.add(&entries).map_err(viewer::ViewerError::from)?;
+    recorder.finish().map_err(viewer::ViewerError::from)?;
     let options = ViewerOptions {
         model: first,
         orbit: (0.5, 0.35, 1.0),
@@ -186,7 +186,7 @@ fn play(
     };
     match viewer::run(options, &is_interrupted) {
         // What a frame needs is refused by a backend, or a device is lost too often: told, not a fault.
-        Err(viewer::Error::DeviceGone(_)) if faults.device > 0 => Ok(RunFigures::default()),
+        Err(viewer::ViewerError::DeviceGone(_)) if faults.device > 0 => Ok(RunFigures::default()),
         outcome => Ok(outcome?),
     }
 }
@@ -215,7 +215,7 @@ fn row(minute: usize, figures: &MinuteFigures) -> String {
     )
 }
 
-pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: &SoakArgs, quiet: bool) -> Outcome {
     if !(args.minutes > 0.0 && args.minutes <= 100_000.0) {
         return Err(usage("--minutes: a number above 0"));
     }

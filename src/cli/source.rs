@@ -15,7 +15,7 @@ use surfel::{OpenOptions, OpenedModel};
 
 /// The model of a command.
 #[derive(Debug, Clone, Args)]
-pub(crate) struct Source {
+pub(crate) struct ModelArgs {
     /// Model file, - for standard input, generate:SHAPE[:TRIANGLES], scene:NAME, or the http:// address of a paged tree
     #[arg(value_name = "MODEL", index = 1)]
     pub(crate) model: PathBuf,
@@ -321,7 +321,7 @@ pub(crate) fn open_options(
     })
 }
 
-impl Source {
+impl ModelArgs {
     /// The options of opening.
     pub(crate) fn options(&self) -> Result<OpenOptions, Failure> {
         Ok(OpenOptions {
@@ -349,7 +349,7 @@ impl Source {
         self.open_as(color, false, MeshPlacement::default(), progress)
     }
 
-    /// As [`Source::open_colored`], where it is to stand; with `streams_pages` the pages of a paged file are left where they are.
+    /// As [`ModelArgs::open_colored`], where it is to stand; with `streams_pages` the pages of a paged file are left where they are.
     pub(crate) fn open_as(
         &self,
         color: &ColorArgs,

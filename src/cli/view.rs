@@ -30,7 +30,7 @@ enum Switch {
 
 /// Look at a model in a window.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
+pub(crate) struct ViewArgs {
     /// Model to look at in a window: a file, - for standard input, or generate:SHAPE[:TRIANGLES] [default: a generated statue]
     #[arg(value_name = "MODEL", index = 1)]
     model: Option<PathBuf>,
@@ -130,7 +130,7 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-impl Args {
+impl ViewArgs {
     /// Notes what the command line says itself: the settings file decides the rest.
     pub(crate) fn note_given(&mut self, matches: &clap::ArgMatches) {
         let look = <LookArgs as clap::Args>::augment_args(clap::Command::new("look"));
@@ -141,12 +141,14 @@ impl Args {
     }
 }
 
-impl From<viewer::Error> for Failure {
-    fn from(error: viewer::Error) -> Self {
+impl From<viewer::ViewerError> for Failure {
+    fn from(error: viewer::ViewerError) -> Self {
         match error {
-            viewer::Error::Gpu(error) => error.into(),
-            viewer::Error::Image(error) => error.into(),
-            viewer::Error::Open(_) | viewer::Error::Recording(_) => Self::Input(error.into()),
+            viewer::ViewerError::Gpu(error) => error.into(),
+            viewer::ViewerError::Image(error) => error.into(),
+            viewer::ViewerError::Open(_) | viewer::ViewerError::Recording(_) => {
+                Self::Input(error.into())
+            }
             _ => Self::Run(error.into()),
         }
     }
@@ -160,7 +162,7 @@ fn parse_frame_goal(text: &str) -> Result<FrameGoal, String> {
     }
 }
 
-pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
+pub(crate) fn run(mut args: ViewArgs, _quiet: bool) -> Outcome {
     args.look.default_for_people();
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings()?;

@@ -99,14 +99,14 @@ struct BatchVerdicts {
 
 /// How many siblings were looked at, and how many were dropped for what.
 #[derive(Debug, Clone, Copy, Default)]
-struct Counts {
+struct BatchCounts {
     visited: u32,
     outside: u32,
     away: u32,
     behind: u32,
 }
 
-impl Counts {
+impl BatchCounts {
     fn add_to(self, cut: &mut Cut) {
         cut.stats.visited += u64::from(self.visited);
         cut.stats.outside += u64::from(self.outside);
@@ -232,11 +232,11 @@ impl NodeBatch {
         groups: &[SiblingGroup],
         exact: Option<&OcclusionTest<'_>>,
         (ahead, each): (&mut PrefetchAhead<'_>, usize),
-    ) -> Counts {
+    ) -> BatchCounts {
         let mut verdicts = self.verdicts;
-        let mut counts = Counts {
+        let mut counts = BatchCounts {
             visited: verdicts.kept.count(),
-            ..Counts::default()
+            ..BatchCounts::default()
         };
         let width = WideLanes::<S>::LANES;
         for at in (0..4 * groups.len().min(SIZE)).step_by(width) {
@@ -400,11 +400,11 @@ impl NodeBatch {
         simd: S,
         tester: &NodeTester,
         groups: &[SiblingGroup],
-    ) -> Counts {
+    ) -> BatchCounts {
         let mut verdicts = self.verdicts;
-        let mut counts = Counts {
+        let mut counts = BatchCounts {
             visited: verdicts.kept.count(),
-            ..Counts::default()
+            ..BatchCounts::default()
         };
         let width = WideLanes::<S>::LANES;
         for at in (0..4 * groups.len().min(SIZE)).step_by(width) {
@@ -425,7 +425,7 @@ impl NodeBatch {
 
     /// Drops the leaves that face away.
     #[inline(always)]
-    fn drop_away(&mut self, model: &Model, tester: &NodeTester) -> Counts {
+    fn drop_away(&mut self, model: &Model, tester: &NodeTester) -> BatchCounts {
         let asked = self.verdicts.kept & !self.verdicts.faces;
         self.faces.clear();
         for lane in asked.lanes() {
@@ -467,9 +467,9 @@ impl NodeBatch {
             }
         }
         self.verdicts.kept = self.verdicts.kept & !away;
-        Counts {
+        BatchCounts {
             away: away.count(),
-            ..Counts::default()
+            ..BatchCounts::default()
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A scene made ready, and what is measured of its pictures.
 
-use super::Error;
+use super::FailuresError;
 use super::colors::{self, ColorRange, moire, strays};
 use crate::cut::{Cut, CutSelector};
 use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
@@ -147,7 +147,7 @@ impl FailureCase {
     ///
     /// # Errors
     /// When the device cannot draw.
-    pub fn new(entry: &'static SceneEntry, backend: &Backend) -> Result<Self, Error> {
+    pub fn new(entry: &'static SceneEntry, backend: &Backend) -> Result<Self, FailuresError> {
         let BuiltScene {
             mesh,
             camera,
@@ -210,7 +210,7 @@ impl FailureCase {
         &self,
         picture: &Image,
         reach_px: f64,
-    ) -> Result<Vec<(FailureFigure, f64)>, Error> {
+    ) -> Result<Vec<(FailureFigure, f64)>, FailuresError> {
         let center = picture.color[center_of(&self.view)];
         let alpha = f64::from(center[3].max(1)) / 255.0;
         let area: f64 = picture.color.iter().map(|c| f64::from(c[3]) / 255.0).sum();
@@ -260,7 +260,7 @@ impl FailureCase {
     ///
     /// # Errors
     /// When the picture has another size.
-    pub fn flip(&self, picture: &Image) -> Result<Option<f64>, Error> {
+    pub fn flip(&self, picture: &Image) -> Result<Option<f64>, FailuresError> {
         let Some(truth) = &self.truth else {
             return Ok(None);
         };

@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::job::Job;
+use super::job::ReadJob;
 use super::polygon::PolygonRuns;
 use super::textures::RawTextures;
-use super::{Counts, Error, Warning};
+use super::{Error, FileCounts, Warning};
 use crate::mesh::attributes::{CoordinateGrid, PointAttributes};
 use crate::mesh::{self, Mesh};
 
@@ -122,7 +122,7 @@ pub(super) struct Raw {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Which triangles are faces of more than three corners.
     pub(super) polygons: PolygonRuns,
-    pub(super) counts: Counts,
+    pub(super) counts: FileCounts,
     /// Which images triangles have, and where.
     pub(super) textures: Option<RawTextures>,
 }
@@ -175,21 +175,21 @@ impl Raw {
 
 /// The box of all points that single precision can hold, and how far single precision would move them.
 #[derive(Debug, Clone, Copy)]
-struct Bounds {
+struct PointBounds {
     min: DVec3,
     max: DVec3,
     /// Largest difference of a coordinate to its nearest single-precision value.
     rounding: f64,
 }
 
-impl Bounds {
-    const EMPTY: Bounds = Bounds {
+impl PointBounds {
+    const EMPTY: PointBounds = PointBounds {
         min: DVec3::splat(f64::INFINITY),
         max: DVec3::splat(f64::NEG_INFINITY),
         rounding: 0.0,
     };
 
-    fn with(mut self, point: DVec3) -> Bounds {
+    fn with(mut self, point: DVec3) -> PointBounds {
         if point.abs().cmple(DVec3::splat(f64::from(f32::MAX))).all() {
             self.min = self.min.min(point);
             self.max = self.max.max(point);
@@ -200,24 +200,24 @@ impl Bounds {
         self
     }
 
-    fn merge(self, other: Bounds) -> Bounds {
-        Bounds {
+    fn merge(self, other: PointBounds) -> PointBounds {
+        PointBounds {
             min: self.min.min(other.min),
             max: self.max.max(other.max),
             rounding: self.rounding.max(other.rounding),
         }
     }
 
-    fn of<T: Copy + Sync>(points: &[T], double: impl Fn(T) -> DVec3 + Sync) -> Bounds {
+    fn of<T: Copy + Sync>(points: &[T], double: impl Fn(T) -> DVec3 + Sync) -> PointBounds {
         // Minimum and maximum are exact, so the result does not depend on how the pieces are joined.
         points
             .par_chunks(PIECE)
             .map(|piece| {
-                piece
-                    .iter()
-                    .fold(Bounds::EMPTY, |bounds, &point| bounds.with(double(point)))
+                piece.iter().fold(PointBounds::EMPTY, |bounds, &point| {
+                    bounds.with(double(point))
+                })
             })
-            .reduce(|| Bounds::EMPTY, Bounds::merge)
+            .reduce(|| PointBounds::EMPTY, PointBounds::merge)
     }
 
     /// The power of two that brings the extent to about 1, as an exponent; 0 when it is within what squares of single
@@ -231,8 +231,8 @@ impl Bounds {
         -(extent.log2().floor() as i32)
     }
 
-    fn scaled(self, factor: f64) -> Bounds {
-        Bounds {
+    fn scaled(self, factor: f64) -> PointBounds {
+        PointBounds {
             min: self.min * factor,
             max: self.max * factor,
             rounding: self.rounding * factor,
@@ -240,7 +240,7 @@ impl Bounds {
     }
 
     /// Where a few vertices make the extent absurd, the bounds of the others; the few become not finite, `far` of them.
-    fn without_strays(&self, coordinates: &mut Coordinates, far: &mut u64) -> Option<Bounds> {
+    fn without_strays(&self, coordinates: &mut Coordinates, far: &mut u64) -> Option<PointBounds> {
         if (self.max - self.min).max_element() <= LARGEST {
             return None;
         }
@@ -266,7 +266,7 @@ impl Bounds {
             return None;
         }
         let is_far = |point: DVec3| point.distance(middle) > 0.5 * ABSURD * size;
-        let mut near = Bounds::EMPTY;
+        let mut near = PointBounds::EMPTY;
         for index in 0..coordinates.len() {
             let point = coordinates.at(index);
             if point.is_finite() && is_far(point) {
@@ -286,7 +286,7 @@ impl Bounds {
 }
 
 /// Makes the mesh: cuts its faces into triangles, chooses the origin, drops what is not finite, normalizes the normals.
-pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
+pub(super) fn finish(job: &mut ReadJob<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     let vertices = raw.coordinates.len() as u64;
     if vertices == 0 {
         return Err(job.empty("the file has no vertices"));
@@ -316,9 +316,9 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     }
 
     let bounds = match &raw.coordinates {
-        Coordinates::Single(positions) => Bounds::of(positions, |point| point.as_dvec3()),
-        Coordinates::Double(positions) => Bounds::of(positions, |point| point),
-        Coordinates::Steps(grid) => Bounds::of(&grid.steps, |steps| grid.place(steps)),
+        Coordinates::Single(positions) => PointBounds::of(positions, |point| point.as_dvec3()),
+        Coordinates::Double(positions) => PointBounds::of(positions, |point| point),
+        Coordinates::Steps(grid) => PointBounds::of(&grid.steps, |steps| grid.place(steps)),
     };
     let mut far = 0;
     let bounds = match bounds.without_strays(&mut raw.coordinates, &mut far) {
@@ -476,8 +476,8 @@ pub(super) fn normalize(normals: &mut [Vec3]) -> u64 {
 mod tests {
     use super::*;
 
-    fn bounds(points: &[DVec3]) -> Bounds {
-        Bounds::of(points, |point| point)
+    fn bounds(points: &[DVec3]) -> PointBounds {
+        PointBounds::of(points, |point| point)
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use rayon::prelude::*;
 
-use super::job::Job;
+use super::job::ReadJob;
 use super::{Error, Warning};
 use crate::mesh::Mesh;
 use crate::mesh::attributes::{AttributeColumn, AttributeKind};
@@ -110,7 +110,7 @@ pub fn name_of_class(class: usize) -> Option<&'static str> {
 
 /// Colors the mesh as the options ask for; says what the colors mean.
 pub(super) fn apply(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     mesh: &mut Mesh,
     setting: &ColorSetting,
 ) -> Result<(), Error> {

@@ -65,7 +65,7 @@ pub enum Error {
         /// What the decompressor said.
         source: std::io::Error,
     },
-    /// Something is larger than [`Limits`](super::Limits) or the 32-bit index of a vertex allows.
+    /// Something is larger than [`ReadLimits`](super::ReadLimits) or the 32-bit index of a vertex allows.
     #[error("{}: {what}: {found} is over the limit of {limit}; split the model or raise the limit", path.display())]
     TooLarge {
         /// The file.

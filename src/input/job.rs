@@ -14,7 +14,7 @@ use crate::progress::Progress;
 const STEP: usize = 4 << 20;
 
 /// One file being read.
-pub(super) struct Job<'a> {
+pub(super) struct ReadJob<'a> {
     /// The file as messages name it.
     pub(super) path: &'a Path,
     /// Where files that the model names are looked for; `None` when the model has no place of its own.
@@ -28,7 +28,7 @@ pub(super) struct Job<'a> {
     reported: usize,
 }
 
-impl<'a> Job<'a> {
+impl<'a> ReadJob<'a> {
     pub(super) fn new(
         path: &'a Path,
         folder: Option<&'a Path>,

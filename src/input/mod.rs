@@ -49,7 +49,7 @@ pub(crate) use points::las::write as write_las;
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::{Mesh, faces, weld};
 use crate::progress::Progress;
-use job::Job;
+use job::ReadJob;
 use sniff::Kind;
 
 /// Standard input, as messages name it.
@@ -73,7 +73,7 @@ pub struct Options {
     /// Color by height or an attribute instead of the colors of the file.
     pub color: Option<ColorSetting>,
     /// What is too much.
-    pub limits: Limits,
+    pub limits: ReadLimits,
 }
 
 impl Default for Options {
@@ -84,7 +84,7 @@ impl Default for Options {
             textures: true,
             repair_faces: true,
             color: None,
-            limits: Limits::default(),
+            limits: ReadLimits::default(),
         }
     }
 }
@@ -94,7 +94,7 @@ impl Default for Options {
 /// The arrays of a mesh take at most about 40 times the bytes they are read from (a text cloud of one-digit
 /// coordinates), usually less than twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Limits {
+pub struct ReadLimits {
     /// Largest file, or standard input, in bytes.
     pub file_bytes: u64,
     /// Largest size of a gzipped file once unpacked, in bytes. Beyond 64 MiB a file that unpacks to more than 256
@@ -106,7 +106,7 @@ pub struct Limits {
     pub texture_bytes: u64,
 }
 
-impl Default for Limits {
+impl Default for ReadLimits {
     fn default() -> Self {
         Self {
             file_bytes: 1 << 40,
@@ -190,7 +190,7 @@ impl fmt::Display for Format {
 
 /// How many things the file holds, before polygons became triangles and vertices were doubled, merged or dropped.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct FileCounts {
     /// Vertices (positions) in the file; for STL its corners, three a triangle.
     pub vertices: u64,
     /// Faces in the file, polygons counted once, a triangle strip as its triangles.
@@ -199,7 +199,7 @@ pub struct Counts {
 
 /// A model as read.
 #[derive(Debug, Clone)]
-pub struct Loaded {
+pub struct LoadedMesh {
     /// The model; has at least one vertex. Vertices come in file order; those that OBJ files share between
     /// several normals or colors follow at the end.
     pub mesh: Mesh,
@@ -212,7 +212,7 @@ pub struct Loaded {
     /// Size of the file as stored, in bytes (compressed when it is).
     pub file_bytes: u64,
     /// What the file holds by its own count.
-    pub counts: Counts,
+    pub counts: FileCounts,
     /// What the points carry besides, in the order of the positions; empty for most models.
     pub attributes: PointAttributes,
 }
@@ -243,7 +243,11 @@ impl InputStream<'_> {
     ///
     /// # Errors
     /// [`Error::Open`], [`Error::TooLarge`], [`Error::Cancelled`].
-    pub fn read_all(&mut self, limits: &Limits, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
+    pub fn read_all(
+        &mut self,
+        limits: &ReadLimits,
+        progress: &dyn Progress,
+    ) -> Result<Vec<u8>, Error> {
         source::read_all(self, limits.file_bytes, progress)
     }
 }
@@ -254,7 +258,7 @@ impl InputStream<'_> {
 ///
 /// # Errors
 /// See [`Error`]; a file that is damaged anywhere gives exactly one.
-pub fn load(path: &Path, options: &Options, progress: &dyn Progress) -> Result<Loaded, Error> {
+pub fn load(path: &Path, options: &Options, progress: &dyn Progress) -> Result<LoadedMesh, Error> {
     if path == Path::new("-") {
         let stream = InputStream {
             path: Path::new(STANDARD_INPUT),
@@ -282,7 +286,7 @@ pub fn load_stream(
     mut stream: InputStream<'_>,
     options: &Options,
     progress: &dyn Progress,
-) -> Result<Loaded, Error> {
+) -> Result<LoadedMesh, Error> {
     let _span = tracing::info_span!("input.load", path = %stream.path.display()).entered();
     let bytes = stream.read_all(&options.limits, progress)?;
     load_from(stream.path, stream.folder, bytes, options, progress)
@@ -298,7 +302,7 @@ pub fn load_bytes(
     bytes: &[u8],
     options: &Options,
     progress: &dyn Progress,
-) -> Result<Loaded, Error> {
+) -> Result<LoadedMesh, Error> {
     load_from(Path::new(name), None, bytes, options, progress)
 }
 
@@ -308,10 +312,10 @@ fn load_from<'a>(
     bytes: impl Into<std::borrow::Cow<'a, [u8]>>,
     options: &Options,
     progress: &dyn Progress,
-) -> Result<Loaded, Error> {
+) -> Result<LoadedMesh, Error> {
     let stored = bytes.into();
     let file_bytes = stored.len() as u64;
-    let mut job = Job::new(path, folder, options, progress);
+    let mut job = ReadJob::new(path, folder, options, progress);
     if file_bytes > options.limits.file_bytes {
         return Err(job.too_large("bytes", file_bytes, options.limits.file_bytes));
     }
@@ -364,7 +368,7 @@ fn load_from<'a>(
     if options.repair_faces {
         job.warn_repairs(faces::repair(&mut mesh));
     }
-    Ok(Loaded {
+    Ok(LoadedMesh {
         mesh,
         format,
         warnings: job.warnings,

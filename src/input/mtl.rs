@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use super::Warning;
 use super::color::color_from_unit;
-use super::job::Job;
+use super::job::ReadJob;
 use super::material_texture::{ImagePlace, MaterialTexture};
 use super::part::{Inventory, PartFate};
 use super::text::{Scanner, parse_f64, shown, words};
@@ -94,7 +94,7 @@ impl MaterialLooks {
 
 /// What the materials give each triangle; nothing when not wanted. Textures only where triangles `have_places` in them.
 pub(super) fn looks_of(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     files: &[Vec<u8>],
     runs: &[MaterialRun],
     (triangles, have_places): (usize, bool),
@@ -184,7 +184,7 @@ impl Inventory {
     }
 }
 
-fn read_files(job: &mut Job<'_>, lines: &[Vec<u8>]) -> Materials {
+fn read_files(job: &mut ReadJob<'_>, lines: &[Vec<u8>]) -> Materials {
     let mut materials = Materials::default();
     let mut folder = job.folder.map(MaterialFolder::new);
     let mut seen = HashSet::new();

@@ -15,14 +15,14 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::assemble::{Coordinates, Raw};
 use super::color::{ColorRange, ColorSink};
-use super::job::{Job, at_line};
+use super::job::{ReadJob, at_line};
 use super::mtl::{self, MaterialLooks, MaterialRun};
 use super::part::{Fault, PartFate};
 use super::pointed_index::{NO_INDEX, PointedIndex};
 use super::polygon::{FaceList, without_repeated};
 use super::text::{Scanner, after_keyword, parse_f64, parse_i64, shown, words};
 use super::textures::RawTextures;
-use super::{Counts, Error, Warning};
+use super::{Error, FileCounts, Warning};
 
 /// Corner of a face: indices of its position, normal and texture coordinate.
 #[derive(Debug, Clone, Copy)]
@@ -61,7 +61,7 @@ struct File {
 const MOST_KEYWORDS: usize = 40;
 
 /// Reads an OBJ file.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
     let mut file = File::parse(job, data)?;
     let count = file.positions.len() as u64;
     if let Some((index, at)) = file.ahead
@@ -101,7 +101,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
 }
 
 impl File {
-    fn parse(job: &mut Job<'_>, data: &[u8]) -> Result<File, Error> {
+    fn parse(job: &mut ReadJob<'_>, data: &[u8]) -> Result<File, Error> {
         let mut file = File {
             positions: Vec::new(),
             colors: ColorSink::new([ColorRange::FLOAT; 3]),
@@ -185,7 +185,7 @@ impl File {
     /// `v x y z`, with a weight, or with a color (and an alpha, which is ignored).
     fn vertex<'a>(
         &mut self,
-        job: &mut Job<'_>,
+        job: &mut ReadJob<'_>,
         data: &[u8],
         at: usize,
         mut line_words: impl Iterator<Item = &'a [u8]>,
@@ -217,7 +217,7 @@ impl File {
     /// a remark.
     fn face<'a>(
         &mut self,
-        job: &mut Job<'_>,
+        job: &mut ReadJob<'_>,
         data: &[u8],
         at: usize,
         line_words: impl Iterator<Item = &'a [u8]>,
@@ -287,7 +287,7 @@ impl File {
     #[inline]
     fn resolve(
         &mut self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         data: &[u8],
         at: usize,
         word: &[u8],
@@ -312,7 +312,7 @@ impl File {
     }
 
     /// Takes back what corners say of normals and texture coordinates that the file does not have.
-    fn forget_missing(&mut self, job: &mut Job<'_>, data: &[u8]) {
+    fn forget_missing(&mut self, job: &mut ReadJob<'_>, data: &[u8]) {
         let normals = self.normals.len() as u64;
         let (pointed, textures) = (self.pointed_normals, self.pointed_textures);
         let known = self.textures.len() as u64;
@@ -342,7 +342,7 @@ impl File {
     }
 
     /// Lists what the file holds, but for materials.
-    fn list_parts(&self, job: &mut Job<'_>, are_used: bool) {
+    fn list_parts(&self, job: &mut ReadJob<'_>, are_used: bool) {
         let inventory = &mut job.inventory;
         let count = |length: usize| length as u64;
         inventory.add(
@@ -423,7 +423,7 @@ impl File {
     /// Gives every combination of position, normal and color a vertex. `colors` holds a color per triangle, or
     /// nothing.
     fn split(mut self, colors: Vec<[u8; 4]>) -> Raw {
-        let counts = Counts {
+        let counts = FileCounts {
             vertices: self.positions.len() as u64,
             faces: self.list.faces,
         };
@@ -503,7 +503,7 @@ impl File {
         }
     }
 
-    fn raw(self, counts: Counts) -> Raw {
+    fn raw(self, counts: FileCounts) -> Raw {
         Raw {
             coordinates: Coordinates::Double(self.positions),
             normals: self.normals,
@@ -537,7 +537,7 @@ fn joined<'a>(line: &'a [u8], scanner: &mut Scanner<'a>) -> Cow<'a, [u8]> {
 }
 
 fn three<'a>(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     data: &[u8],
     at: usize,
     line_words: &mut impl Iterator<Item = &'a [u8]>,

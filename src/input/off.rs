@@ -9,17 +9,17 @@ use glam::{DVec3, Vec3};
 
 use super::assemble::{Coordinates, Raw};
 use super::color::{ColorRange, ColorSink};
-use super::job::{Job, at_line};
+use super::job::{ReadJob, at_line};
 use super::part::{Fault, PartFate};
 use super::polygon::FaceList;
 use super::sniff::is_off_keyword;
 use super::text::{Scanner, parse_f64, parse_i64, words};
-use super::{Counts, Error, Warning};
+use super::{Error, FileCounts, Warning};
 
 /// Reads an OFF file.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
     let mut scanner = Scanner::new(data, 0);
-    let missing = |job: &Job<'_>, what: &str| {
+    let missing = |job: &ReadJob<'_>, what: &str| {
         job.truncated(at_line(data, data.len()), format!("{what} missing"))
     };
 
@@ -223,7 +223,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         colors: colors.colors,
         triangles: list.triangles,
         polygons: list.polygons,
-        counts: Counts { vertices, faces },
+        counts: FileCounts { vertices, faces },
         textures: None,
     };
     if colored > 0 && !has_both {

@@ -9,7 +9,7 @@ use earcut::Earcut;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::job::Job;
+use super::job::ReadJob;
 use super::{Error, Warning};
 
 /// A face of more corners than this stays a fan: clipping ears takes the square of their number.
@@ -20,7 +20,7 @@ const PIECE: usize = 1 << 13;
 
 /// Faces of one number of corners, one after the other.
 #[derive(Debug, Clone, Copy)]
-struct Run {
+struct FaceRun {
     /// First triangle of the run.
     first: usize,
     corners: usize,
@@ -30,7 +30,7 @@ struct Run {
 /// Where the fans of more than one triangle are.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PolygonRuns {
-    runs: Vec<Run>,
+    runs: Vec<FaceRun>,
 }
 
 impl PolygonRuns {
@@ -47,7 +47,7 @@ impl PolygonRuns {
             last.count += 1;
             return;
         }
-        self.runs.push(Run {
+        self.runs.push(FaceRun {
             first,
             corners,
             count: 1,
@@ -69,7 +69,7 @@ impl PolygonRuns {
     /// [`Error::Cancelled`].
     pub(super) fn cut(
         &self,
-        job: &mut Job<'_>,
+        job: &mut ReadJob<'_>,
         triangles: &mut [[u32; 3]],
         point: impl Fn(u32) -> DVec3 + Sync,
     ) -> Result<(), Error> {
@@ -236,7 +236,7 @@ impl FaceList {
     }
 
     /// Says what was left out.
-    pub(super) fn warn(&self, job: &mut Job<'_>) {
+    pub(super) fn warn(&self, job: &mut ReadJob<'_>) {
         job.warn_count(self.small, |count| Warning::FacesTooSmall { count });
         job.warn_count(self.closed, |count| Warning::FirstCornerRepeated { count });
     }
@@ -387,7 +387,7 @@ mod tests {
         let mut list = FaceList::default();
         faces.iter().for_each(|face| list.push(face));
         let (options, mut triangles) = (Options::default(), list.triangles.clone());
-        let mut job = Job::new(Path::new("a"), None, &options, &Silent);
+        let mut job = ReadJob::new(Path::new("a"), None, &options, &Silent);
         // A plane on the slant.
         let point = |index: u32| {
             let [x, y] = points[index as usize];

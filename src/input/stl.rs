@@ -7,18 +7,18 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::assemble::{Coordinates, Raw};
-use super::job::{Job, at_line};
+use super::job::{ReadJob, at_line};
 use super::part::{Fault, PartFate};
 use super::polygon::FaceList;
 use super::sniff::{STL_HEADER, STL_TRIANGLE};
 use super::text::{Scanner, parse_f64, shown};
-use super::{Counts, Error, Place, Warning};
+use super::{Error, FileCounts, Place, Warning};
 
 /// Triangles per parallel piece.
 const PIECE: usize = 1 << 14;
 
 fn raw(coordinates: Coordinates, colors: Vec<[u8; 4]>, list: FaceList) -> Raw {
-    let counts = Counts {
+    let counts = FileCounts {
         vertices: coordinates.len() as u64,
         faces: list.faces,
     };
@@ -36,7 +36,7 @@ fn raw(coordinates: Coordinates, colors: Vec<[u8; 4]>, list: FaceList) -> Raw {
 
 /// Reads the binary kind: 80 bytes of free text, a count, 50 bytes a triangle (normal, corners, 16 bits of color). A
 /// count that contradicts the size is not believed, but a file that ends within a triangle is refused.
-pub(super) fn read_binary(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
+pub(super) fn read_binary(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
     let promised = data
         .get(80..)
         .and_then(|rest| rest.first_chunk::<4>())
@@ -107,7 +107,7 @@ pub(super) fn read_binary(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> 
     Ok(raw(Coordinates::Single(corners), colors, list))
 }
 
-fn list_facets(job: &mut Job<'_>, count: u64) {
+fn list_facets(job: &mut ReadJob<'_>, count: u64) {
     let inventory = &mut job.inventory;
     inventory.add("facets", count, PartFate::Used, "");
     let computed = "computed from the corners";
@@ -119,7 +119,7 @@ fn list_facets(job: &mut Job<'_>, count: u64) {
 /// VisCAM and SolidView: bit 15 says that there is a color, of 5 bits each, blue in the lowest. Materialise Magics: the
 /// header has `COLOR=` and four bytes, the color of the part; bit 15 says that a triangle has it, otherwise its own color
 /// has red in the lowest bits.
-fn colors_of(job: &mut Job<'_>, header: &[u8], body: &[u8], count: u64) -> Vec<[u8; 4]> {
+fn colors_of(job: &mut ReadJob<'_>, header: &[u8], body: &[u8], count: u64) -> Vec<[u8; 4]> {
     const HAS_COLOR: u16 = 1 << 15;
     let part = header
         .windows(6)
@@ -176,7 +176,7 @@ fn colors_of(job: &mut Job<'_>, header: &[u8], body: &[u8], count: u64) -> Vec<[
 
 /// Reads the text kind. Several solids in one file are one mesh; a loop may have more than three corners. Normals and end
 /// marks decide nothing: what is wrong with them is a remark.
-pub(super) fn read_ascii(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
+pub(super) fn read_ascii(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
     let mut scanner = Scanner::new(data, 0);
     let mut corners: Vec<DVec3> = Vec::new();
     let mut list = FaceList::default();
@@ -319,7 +319,7 @@ impl EndMark {
 }
 
 /// Passes the normal of a facet, which is not used: up to three words of numbers.
-fn facet_normal(job: &mut Job<'_>, scanner: &mut Scanner<'_>) {
+fn facet_normal(job: &mut ReadJob<'_>, scanner: &mut Scanner<'_>) {
     let start = scanner.at;
     let mut numbers = 0;
     let mut is_good = scanner
@@ -354,7 +354,11 @@ fn skip_name(scanner: &mut Scanner<'_>) {
     scanner.line();
 }
 
-fn expect(job: &Job<'_>, scanner: &mut Scanner<'_>, keyword: &'static [u8]) -> Result<(), Error> {
+fn expect(
+    job: &ReadJob<'_>,
+    scanner: &mut Scanner<'_>,
+    keyword: &'static [u8],
+) -> Result<(), Error> {
     let name = String::from_utf8_lossy(keyword);
     match scanner.word() {
         Some((word, _)) if word.eq_ignore_ascii_case(keyword) => Ok(()),
@@ -369,7 +373,7 @@ fn expect(job: &Job<'_>, scanner: &mut Scanner<'_>, keyword: &'static [u8]) -> R
     }
 }
 
-fn three_numbers(job: &Job<'_>, scanner: &mut Scanner<'_>) -> Result<DVec3, Error> {
+fn three_numbers(job: &ReadJob<'_>, scanner: &mut Scanner<'_>) -> Result<DVec3, Error> {
     let mut numbers = [0.0; 3];
     for number in &mut numbers {
         let Some((word, at)) = scanner.word() else {

@@ -1,7 +1,7 @@
 //! Models that are read piece by piece from a file: binary PLY, LAS and LAZ. Their rows have a fixed size, or an index tells
 //! where they are, so that no more than a piece is in memory.
 
-use super::job::Job;
+use super::job::ReadJob;
 use super::{Error, Format, Options, Warning, source};
 use crate::mesh::stream::{MeshStream, StreamError};
 use crate::progress::{Progress, Silent};
@@ -50,7 +50,7 @@ pub fn open_stream(
     let (file, length) = source::open_file(path)?;
     let rows = RowFile::new(path, file, length);
     let head = rows.read(0, length.min(HEAD))?;
-    let mut job = Job::new(path, None, options, &Silent);
+    let mut job = ReadJob::new(path, None, options, &Silent);
     if head.starts_with(b"ply") {
         super::ply::open_stream(&mut job, rows, &head)
     } else if head.starts_with(b"LASF") && options.color.is_none() {

@@ -10,7 +10,7 @@ use glam::Vec2;
 use image::{DynamicImage, ImageFormat, ImageReader};
 use rayon::prelude::*;
 
-use super::job::Job;
+use super::job::ReadJob;
 use super::part::PartFate;
 use super::points::guarded;
 use super::text::shown;
@@ -120,7 +120,7 @@ impl RawTextures {
     ///
     /// # Errors
     /// [`Error::Cancelled`].
-    pub(super) fn join(mut self, job: &mut Job<'_>, mesh: &mut Mesh) -> Result<(), Error> {
+    pub(super) fn join(mut self, job: &mut ReadJob<'_>, mesh: &mut Mesh) -> Result<(), Error> {
         self.resize(mesh.triangles.len());
         self.sources.truncate(MOST_IMAGES);
         let mut counts = vec![0_u64; self.sources.len()];
@@ -196,7 +196,7 @@ impl RawTextures {
 
 /// Image by image what was decoded, or why not; none of those that nobody needs.
 fn decode_all(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     sources: &[Option<&ImageSource>],
 ) -> Vec<Option<Result<TextureImage, String>>> {
     let opened: Vec<Option<Result<OpenedImage<'_>, String>>> = sources

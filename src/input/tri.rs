@@ -14,14 +14,14 @@ use glam::{DVec3, Vec3};
 
 use super::assemble::{Coordinates, Raw};
 use super::color::{ColorRange, ColorSink};
-use super::job::{Job, at_line};
+use super::job::{ReadJob, at_line};
 use super::part::{Fault, PartFate};
 use super::polygon::PolygonRuns;
 use super::text::{Scanner, parse_f64, parse_i64, shown, words};
-use super::{Counts, Error, Warning};
+use super::{Error, FileCounts, Warning};
 
 /// Reads a TRI file of either kind, told apart by the first line.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
     let mut scanner = Scanner::new(data, 0);
     let Some((line, at)) = scanner.meaningful_line() else {
         return Err(job.empty("the file has no vertices"));
@@ -40,7 +40,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
 }
 
 fn read_public(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     mut scanner: Scanner<'_>,
     header: usize,
     vertices: u64,
@@ -55,7 +55,7 @@ fn read_public(
             format!("{vertices} vertices and {triangles} triangles need at least {needed} bytes");
         return Err(job.truncated(at_line(data, header), text));
     }
-    let missing = |job: &Job<'_>, what: &str| {
+    let missing = |job: &ReadJob<'_>, what: &str| {
         job.truncated(at_line(data, data.len()), format!("{what} are missing"))
     };
     let mut positions = Vec::with_capacity(vertices as usize);
@@ -106,7 +106,7 @@ fn read_public(
         colors: colors.colors,
         triangles: indices,
         polygons: PolygonRuns::default(),
-        counts: Counts {
+        counts: FileCounts {
             vertices,
             faces: triangles,
         },
@@ -116,32 +116,34 @@ fn read_public(
 
 /// A part of Benda's kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Part {
+enum TrianglePart {
     Vertices,
     Normals,
     Triangles,
     Other,
 }
 
-impl Part {
-    fn of(title: &[u8]) -> Part {
+impl TrianglePart {
+    fn of(title: &[u8]) -> TrianglePart {
         let letters: Vec<u8> = title
             .iter()
             .filter(|byte| byte.is_ascii_alphabetic())
             .map(u8::to_ascii_lowercase)
             .collect();
         match &letters[..] {
-            b"vertices" | b"vertex" => Part::Vertices,
-            b"verticesnormals" | b"vertexnormals" | b"verticesnormal" | b"normals" => Part::Normals,
-            b"triangles" | b"triangle" | b"faces" => Part::Triangles,
-            _ => Part::Other,
+            b"vertices" | b"vertex" => TrianglePart::Vertices,
+            b"verticesnormals" | b"vertexnormals" | b"verticesnormal" | b"normals" => {
+                TrianglePart::Normals
+            }
+            b"triangles" | b"triangle" | b"faces" => TrianglePart::Triangles,
+            _ => TrianglePart::Other,
         }
     }
 }
 
-fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
+fn read_parts(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
     let mut scanner = Scanner::new(data, 0);
-    let mut part = Part::Other;
+    let mut part = TrianglePart::Other;
     let mut positions: Vec<DVec3> = Vec::new();
     let mut normals: Vec<Vec3> = Vec::new();
     let mut indices: Vec<([i64; 3], usize)> = Vec::new();
@@ -154,8 +156,8 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         if line[0].is_ascii_alphabetic()
             && parse_f64(words(line).next().unwrap_or_default()).is_none()
         {
-            part = Part::of(line);
-            if part == Part::Other {
+            part = TrianglePart::of(line);
+            if part == TrianglePart::Other {
                 job.inventory.add(
                     format!("part `{}`", shown(line)),
                     1,
@@ -164,10 +166,10 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
                 );
                 job.inventory.leave_out(format!("part `{}`", shown(line)));
             }
-            has_triangles |= part == Part::Triangles;
+            has_triangles |= part == TrianglePart::Triangles;
             at_start = true;
             // A count on the same line is its only word of digits.
-            if part != Part::Other
+            if part != TrianglePart::Other
                 && let Some(count) = words(line).find_map(|word| parse_i64(word.trim_ascii()))
             {
                 stated[part as usize] = Some(count.max(0) as u64);
@@ -175,7 +177,7 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
             }
             continue;
         }
-        if part == Part::Other {
+        if part == TrianglePart::Other {
             continue;
         }
         let mut line_words = words(line);
@@ -188,11 +190,11 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
             stated[part as usize] = Some(count as u64);
             continue;
         }
-        if part == Part::Triangles {
+        if part == TrianglePart::Triangles {
             indices.push((triangle_of(job, data, line, at)?, at));
             continue;
         }
-        if part == Part::Normals {
+        if part == TrianglePart::Normals {
             let (row, found) = numbers_of(job, data, line, at, 0)?;
             if found != 3 {
                 job.fault(Fault::NORMAL, data, at);
@@ -256,14 +258,14 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         colors: Vec::new(),
         triangles,
         polygons: PolygonRuns::default(),
-        counts: Counts { vertices, faces },
+        counts: FileCounts { vertices, faces },
         textures: None,
     })
 }
 
 /// The numbers of a line, at most nine, and how many there are; a word after the first `needed` that is no number is zero.
 fn numbers_of(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     line: &[u8],
     at: usize,
@@ -288,7 +290,7 @@ fn numbers_of(
     Ok((row, found))
 }
 
-fn triangle_of(job: &Job<'_>, data: &[u8], line: &[u8], at: usize) -> Result<[i64; 3], Error> {
+fn triangle_of(job: &ReadJob<'_>, data: &[u8], line: &[u8], at: usize) -> Result<[i64; 3], Error> {
     let mut triangle = [0; 3];
     let mut line_words = words(line);
     for corner in &mut triangle {
@@ -300,7 +302,7 @@ fn triangle_of(job: &Job<'_>, data: &[u8], line: &[u8], at: usize) -> Result<[i6
 }
 
 fn check_indices(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     data: &[u8],
     indices: Vec<([i64; 3], usize)>,
     vertices: u64,

@@ -1,6 +1,6 @@
 //! Drives a model along a path of the camera or of the threshold, and measures how steady each way to draw it is.
 
-use super::profile::Error;
+use super::profile::ProfileError;
 use super::temporal::{PictureSequence, TemporalRules, churn};
 use crate::cut::{Cut, CutSelector};
 use crate::image::FloatImage;
@@ -83,7 +83,7 @@ pub fn frames(
     target: &MotionTarget,
     steps: &MotionSteps,
     fits_planes: bool,
-) -> Result<Vec<MotionFrame>, camera::Error> {
+) -> Result<Vec<MotionFrame>, camera::CameraError> {
     let MotionTarget { center, radius, .. } = *target;
     let mut distance = -start.view.transform_point3(center).z;
     let mut camera = start.clone();
@@ -133,7 +133,7 @@ pub struct MotionSubject {
 
 /// What is to be measured.
 #[derive(Debug, Clone, Copy)]
-pub struct Plan<'a> {
+pub struct MotionPlan<'a> {
     /// The frames in order, all of the size that the engine was made for.
     pub frames: &'a [MotionFrame],
     /// What is compared.
@@ -183,9 +183,9 @@ type MotionReferences = Vec<(Settings, Arc<FloatImage>)>;
 pub fn measure(
     engine: &mut Engine<'_>,
     model: &Model,
-    plan: &Plan<'_>,
+    plan: &MotionPlan<'_>,
     progress: &dyn Progress,
-) -> Result<Vec<PictureSequence>, Error> {
+) -> Result<Vec<PictureSequence>, ProfileError> {
     let side = plan.samples_side.max(1);
     let mut runs: Vec<MotionRun> = plan
         .subjects
@@ -210,7 +210,7 @@ pub fn measure(
         }
         for run in &mut runs {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled(index));
+                return Err(ProfileError::Cancelled(index));
             }
             let reference = match references.iter().find(|(s, _)| *s == run.reference) {
                 Some((_, reference)) => reference.clone(),
@@ -356,7 +356,7 @@ mod tests {
             PictureOutputs::default(),
         )
         .unwrap();
-        let mut plan = Plan {
+        let mut plan = MotionPlan {
             frames: &frames,
             subjects: &subjects,
             samples_side: 1,
@@ -410,7 +410,7 @@ mod tests {
             PictureOutputs::default(),
         )
         .unwrap();
-        let plan = Plan {
+        let plan = MotionPlan {
             frames: &frames,
             subjects: &subjects,
             samples_side: 1,

@@ -1,7 +1,7 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use super::*;
-use crate::generate::Error as GenerateError;
+use crate::generate::GenerateError;
 use crate::input::Error as InputError;
 use crate::progress::Silent;
 use crate::tree::{Error as TreeError, ModelKind};

@@ -49,15 +49,15 @@ use crate::cut::{Cut, StripRun, strip_steps};
 use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::pack::filtered::patch::{Patch, in_pieces};
-use crate::pack::filtered::patch_x4::{Four, Size, Slope, Vectors};
+use crate::pack::filtered::patch_x4::{FourPatches, Size, Slope, Vectors};
 use crate::pack::filtered::projection::Projection;
-use crate::pack::filtered::strip_batches::{Group, RowGroup};
+use crate::pack::filtered::strip_batches::{RowGroup, WaitingLeaves};
 use crate::pack::filtered::triangle_patches::{Triangle, piece_color, triangle_of};
 use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
 use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
-use crate::pack::parallel::Sink;
-use crate::pack::{ColorBy, Lighting, Phong, Source};
+use crate::pack::parallel::RecordSink;
+use crate::pack::{ColorBy, LampSource, Lighting, Phong};
 use crate::tree::{Leaf, Model, Node, Tree};
 use glam::{Vec3, Vec4};
 use prefetch_index::prefetch_index;
@@ -104,7 +104,7 @@ pub struct Shade {
 }
 
 /// The part of the frame that every splat needs.
-struct Eye<'a> {
+struct FilteredEye<'a> {
     tree: &'a Tree,
     view: &'a View,
     shade: Shade,
@@ -119,12 +119,12 @@ struct Eye<'a> {
     right: Vec3,
     up: Vec3,
     /// What surfaces make of the lamp, and the lamp; none with the headlight.
-    lamp: Option<(Phong, Source)>,
+    lamp: Option<(Phong, LampSource)>,
     /// Lights that go with the camera.
     sphere: Option<SphereLights>,
 }
 
-impl Eye<'_> {
+impl FilteredEye<'_> {
     /// The mean shading normal of a patch, zero where there is none.
     fn normal(&self, patch: &Patch) -> Vec3 {
         match patch.node {
@@ -160,15 +160,15 @@ impl Eye<'_> {
     fn in_lamp(
         &self,
         phong: &Phong,
-        source: Source,
+        source: LampSource,
         patch: &Patch,
         center: Vec3,
         v: Vec3,
         both: f32,
     ) -> (f32, f32) {
         let l = match source {
-            Source::Point(lamp) => (lamp - center.as_dvec3()).normalize_or_zero().as_vec3(),
-            Source::Direction(direction) => direction.as_vec3(),
+            LampSource::Point(lamp) => (lamp - center.as_dvec3()).normalize_or_zero().as_vec3(),
+            LampSource::Direction(direction) => direction.as_vec3(),
         };
         // Two-sided as it stands: an element of either side is lit when lamp and eye are on the same side of it.
         let of_second = v.dot(patch.second_moment * l);
@@ -247,7 +247,7 @@ pub fn write(
     out: &mut [FilteredSplat],
 ) -> Written {
     let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
-    let eye = Eye {
+    let eye = FilteredEye {
         tree: &model.tree,
         view,
         shade,
@@ -281,23 +281,23 @@ pub fn write(
     let parts = (cut
         .nodes
         .chunks(parallel::PART)
-        .map(|p| (Part::Nodes(p), p.len())))
+        .map(|p| (FilteredPart::Nodes(p), p.len())))
     .chain(
         cut.strips
             .chunks(parallel::PART)
-            .map(|p| (Part::Rows(p), of_rows(p))),
+            .map(|p| (FilteredPart::Rows(p), of_rows(p))),
     )
     .chain(
         small
             .chunks(parallel::PART)
-            .map(|p| (Part::Leaves(p), p.len())),
+            .map(|p| (FilteredPart::Leaves(p), p.len())),
     )
     .chain(
         large
             .chunks(parallel::PART)
-            .map(|p| (Part::Large(p), of_large(p))),
+            .map(|p| (FilteredPart::Large(p), of_large(p))),
     );
-    let parts: Vec<(Part<'_>, usize)> = parts.collect();
+    let parts: Vec<(FilteredPart<'_>, usize)> = parts.collect();
     let mut groups: Vec<ScreenGroups> = parts.iter().map(|_| ScreenGroups::default()).collect();
     let mut first = 0;
     let jobs = parts.into_iter().zip(&mut groups);
@@ -308,10 +308,10 @@ pub fn write(
     });
     let parts = parallel::write_apart(jobs.collect(), out, |(part, first, groups), sink| {
         match part {
-            Part::Nodes(ids) => eye.nodes(model, ids, sink),
-            Part::Rows(rows) => eye.rows(model, rows, sink),
-            Part::Leaves(ids) => eye.leaves(model, ids, None, sink),
-            Part::Large(ids) => eye.leaves(model, ids, Some(first_large.halved_px), sink),
+            FilteredPart::Nodes(ids) => eye.nodes(model, ids, sink),
+            FilteredPart::Rows(rows) => eye.rows(model, rows, sink),
+            FilteredPart::Leaves(ids) => eye.leaves(model, ids, None, sink),
+            FilteredPart::Large(ids) => eye.leaves(model, ids, Some(first_large.halved_px), sink),
         }
         // While they are in the cache.
         groups.add(first, sink.written());
@@ -322,7 +322,7 @@ pub fn write(
 }
 
 /// What one thread writes at a time.
-enum Part<'a> {
+enum FilteredPart<'a> {
     Nodes(&'a [u32]),
     Rows(&'a [StripRun]),
     Leaves(&'a [u32]),
@@ -330,7 +330,7 @@ enum Part<'a> {
     Large(&'a [u32]),
 }
 
-impl Eye<'_> {
+impl FilteredEye<'_> {
     /// The size of a splat that stands for all of a patch no larger than the threshold.
     fn dense(&self) -> Size {
         Size {
@@ -352,14 +352,14 @@ impl Eye<'_> {
         self.shade.side_px * z / self.focal_px
     }
 
-    fn nodes(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+    fn nodes(&self, model: &Model, ids: &[u32], sink: &mut RecordSink<'_, FilteredSplat>) {
         let size = self.dense();
         let is_cloud = model.kind().is_points();
         for (index, group) in ids.chunks(4).enumerate() {
             for &next in ids.iter().skip(4 * index + parallel::AHEAD).take(4) {
                 ask_for(model, next);
             }
-            let four = Four::of_nodes(model, filled(group));
+            let four = FourPatches::of_nodes(model, filled(group));
             if is_cloud && four.has_nothing() {
                 self.points(model, group, sink);
                 continue;
@@ -373,7 +373,7 @@ impl Eye<'_> {
     }
 
     /// Nodes of a cloud, some of which are points in one place.
-    fn points(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+    fn points(&self, model: &Model, ids: &[u32], sink: &mut RecordSink<'_, FilteredSplat>) {
         let size = self.dense();
         for &id in ids {
             let (node, attributes) = (
@@ -381,12 +381,12 @@ impl Eye<'_> {
                 &model.tree.attributes[id as usize],
             );
             let four = if attributes.area > 0.0 {
-                Four::of_nodes(model, [id; 4])
+                FourPatches::of_nodes(model, [id; 4])
             } else {
                 let normal = attributes.has_normal().then(|| attributes.normal());
                 let side = self.side_at(node.center);
                 let patch = Patch::alone(node.center, normal, attributes.color, side);
-                Four::of_points([&patch; 4])
+                FourPatches::of_points([&patch; 4])
             };
             let seen = self.seen(&four);
             let colors = self.lit(&four, &seen);
@@ -397,7 +397,7 @@ impl Eye<'_> {
         }
     }
 
-    fn rows(&self, model: &Model, rows: &[StripRun], sink: &mut Sink<'_, FilteredSplat>) {
+    fn rows(&self, model: &Model, rows: &[StripRun], sink: &mut RecordSink<'_, FilteredSplat>) {
         let nodes: &[Node] = &model.tree.nodes;
         // Splats of several rows together, so that no lane is idle.
         let mut group = RowGroup::default();
@@ -426,7 +426,7 @@ impl Eye<'_> {
                 .flatten();
             if let Some(slope) = &slope {
                 self.row_group(model, &mut group, None, sink);
-                let of_row = Four::of_nodes(model, [id; 4]);
+                let of_row = FourPatches::of_nodes(model, [id; 4]);
                 let mean = self.lit(&of_row, &self.seen(&of_row));
                 let slope = (slope, &mean, of_row.center);
                 for i in 0..count {
@@ -452,12 +452,12 @@ impl Eye<'_> {
         model: &Model,
         group: &mut RowGroup,
         slope: Option<(&Slope, &Vectors, Vectors)>,
-        sink: &mut Sink<'_, FilteredSplat>,
+        sink: &mut RecordSink<'_, FilteredSplat>,
     ) {
         let Some(ids) = group.ids.get(..group.count).filter(|ids| !ids.is_empty()) else {
             return;
         };
-        let four = Four::of_nodes(model, filled(ids)).at(group.centers);
+        let four = FourPatches::of_nodes(model, filled(ids)).at(group.centers);
         let seen = self.seen(&four);
         let colors = match slope {
             Some((slope, mean, middle)) => slope.from(mean, middle, &four),
@@ -486,10 +486,10 @@ impl Eye<'_> {
             );
             let ids = [0, 1, 2, 3].map(|i: u32| first + i.min(count - 1));
             let four = if !parent.has_leaves() {
-                Four::of_nodes(model, ids)
+                FourPatches::of_nodes(model, ids)
             } else if model.kind().is_surface() {
                 let triangles = ids.map(|leaf| triangle_of(model, leaf as usize));
-                Four::of_triangles(triangles.each_ref())
+                FourPatches::of_triangles(triangles.each_ref())
             } else {
                 return None;
             };
@@ -512,7 +512,7 @@ impl Eye<'_> {
         model: &Model,
         ids: &[u32],
         halved_px: Option<f32>,
-        sink: &mut Sink<'_, FilteredSplat>,
+        sink: &mut RecordSink<'_, FilteredSplat>,
     ) {
         let (view, shade) = (self.view, &self.shade);
         let Some(&first) = ids.first() else {
@@ -522,7 +522,7 @@ impl Eye<'_> {
             return self.leaf_points(model, ids, sink);
         }
         let textures = model.textures.as_deref();
-        let mut group = Group::new(self, triangle_of(model, first as usize));
+        let mut group = WaitingLeaves::new(self, triangle_of(model, first as usize));
         for (index, &leaf) in ids.iter().enumerate() {
             if let Some(&next) = ids.get(index + parallel::AHEAD) {
                 // Which corners it has was asked for when it was twice as far.
@@ -558,7 +558,7 @@ impl Eye<'_> {
     }
 
     /// Leaves of a cloud.
-    fn leaf_points(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+    fn leaf_points(&self, model: &Model, ids: &[u32], sink: &mut RecordSink<'_, FilteredSplat>) {
         let (view, shade) = (self.view, &self.shade);
         let leaves: &[Leaf] = &model.tree.leaves;
         let patch_of = |leaf: u32| {
@@ -572,7 +572,7 @@ impl Eye<'_> {
                 }
             }
         };
-        let mut group = Group::new(self, patch_of(ids[0]));
+        let mut group = WaitingLeaves::new(self, patch_of(ids[0]));
         for &leaf in ids {
             let diameter_px = diameter_px(model, leaf, view);
             let is_own = diameter_px > shade.side_px;

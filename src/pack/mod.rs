@@ -15,7 +15,7 @@ pub mod splats;
 pub mod triangles;
 
 use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};
-pub use crate::pack::light::{Lamp, Lighting, Phong, Source};
+pub use crate::pack::light::{Lamp, LampSource, Lighting, Phong};
 use crate::textures::{TextureImage, TexturePoint};
 use std::sync::Arc;
 

@@ -16,13 +16,13 @@ pub(crate) const AHEAD: usize = 40;
 
 /// Where the records of one part go.
 #[derive(Debug)]
-pub(crate) struct Sink<'a, R> {
+pub(crate) struct RecordSink<'a, R> {
     out: &'a mut [R],
     points: usize,
     quads: Vec<R>,
 }
 
-impl<R> Sink<'_, R> {
+impl<R> RecordSink<'_, R> {
     /// The next record from the start of the list.
     ///
     /// # Panics
@@ -63,7 +63,7 @@ type Job<'a, I, R> = (usize, I, &'a mut [R]);
 pub(crate) fn write<I: Send, R: Copy + Send>(
     parts: Vec<(I, usize)>,
     out: &mut [R],
-    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
+    write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
 ) -> Packed {
     with_threads(threads::count(), parts, out, write)
 }
@@ -75,7 +75,7 @@ pub(crate) fn write<I: Send, R: Copy + Send>(
 pub(super) fn write_apart<I: Send, R: Copy + Send>(
     parts: Vec<(I, usize)>,
     out: &mut [R],
-    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
+    write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
 ) -> Vec<Range<usize>> {
     let written = each_with_threads(threads::count(), parts, out, write);
     written.into_iter().map(|part| part.points).collect()
@@ -104,7 +104,7 @@ fn with_threads<I: Send, R: Copy + Send>(
     threads: usize,
     parts: Vec<(I, usize)>,
     out: &mut [R],
-    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
+    write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
 ) -> Packed {
     let end: usize = parts.iter().map(|part| part.1).sum();
     let written = each_with_threads(threads, parts, out, write);
@@ -124,7 +124,7 @@ fn each_with_threads<I: Send, R: Copy + Send>(
     threads: usize,
     parts: Vec<(I, usize)>,
     out: &mut [R],
-    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
+    write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
 ) -> Vec<Written<R>> {
     let sizes: Vec<usize> = parts.iter().map(|part| part.1).collect();
     let end = sizes.iter().sum();
@@ -146,13 +146,13 @@ fn each_with_threads<I: Send, R: Copy + Send>(
         &mut vec![(); threads.min(count).max(1)],
         jobs.into_iter(),
         |(), (index, items, out)| {
-            let mut sink = Sink {
+            let mut sink = RecordSink {
                 out,
                 points: 0,
                 quads: Vec::new(),
             };
             write(items, &mut sink);
-            let Sink { points, quads, .. } = sink;
+            let RecordSink { points, quads, .. } = sink;
             // A poisoned lock means that another thread panicked, which the scope passes on.
             if let Ok(mut written) = written.lock() {
                 written.push((index, points, quads));

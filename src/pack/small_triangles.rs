@@ -17,7 +17,7 @@ mod shading;
 
 use crate::abi::{FrameConstants, Splat};
 use crate::pack::parallel;
-use crate::pack::parallel::Sink;
+use crate::pack::parallel::RecordSink;
 use crate::pack::small_triangles::coverage::{CoveredCenters, LANES};
 use crate::pack::small_triangles::shading::ShadingQueue;
 use crate::textures::{self, TextureSlope, WeightSteps};
@@ -226,7 +226,7 @@ fn part<S: Simd>(
     model: &Model,
     ids: &[u32],
     screen: &CornerScreen,
-    (rest, sink): (&mut Vec<u32>, &mut Sink<'_, Splat>),
+    (rest, sink): (&mut Vec<u32>, &mut RecordSink<'_, Splat>),
 ) {
     let width = <S::f32s as SimdBase<S>>::LEN;
     let mut positions = CornerPositions([[[0.0; BLOCK]; 3]; 3]);

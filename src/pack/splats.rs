@@ -6,7 +6,7 @@ use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center_of};
 use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::pack::parallel;
-use crate::pack::parallel::Sink;
+use crate::pack::parallel::RecordSink;
 use crate::pack::{Footprint, falsecolor};
 use crate::tree::{Leaf, Model, ModelKind, Node, NodeAttributes};
 use glam::Vec3;
@@ -14,7 +14,7 @@ use prefetch_index::prefetch_index;
 
 /// What the packing depends on besides model, cut and view.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plan {
+pub struct SplatPlan {
     /// What splats look like.
     pub footprint: Footprint,
     /// Size of splats without a radius of their own, pixels; at least 1.
@@ -83,7 +83,7 @@ impl Record for SplatId {
 /// What a footprint may be larger by than the disc in the plane: snapping, and one pixel for the low pass and rounding.
 pub(crate) const SLACK_PX: f32 = 1.0;
 
-impl Plan {
+impl SplatPlan {
     /// The color of a splat of a node (none: of a leaf) whose own color is `color`.
     fn color_of(&self, model: &Model, node: Option<u32>, color: [u8; 4]) -> [u8; 4] {
         if self.by_level {
@@ -171,19 +171,19 @@ pub(crate) trait Out {
     fn quad(&mut self, named: &Named);
 }
 
-impl<R: Record> Out for Sink<'_, R> {
+impl<R: Record> Out for RecordSink<'_, R> {
     #[inline]
     fn point(&mut self, named: &Named) {
-        Sink::point(self, R::of(named));
+        RecordSink::point(self, R::of(named));
     }
 
     fn quad(&mut self, named: &Named) {
-        Sink::quad(self, R::of(named));
+        RecordSink::quad(self, R::of(named));
     }
 }
 
 /// Number of records that [`pack`] needs room for.
-pub fn count(cut: &Cut, plan: &Plan) -> usize {
+pub fn count(cut: &Cut, plan: &SplatPlan) -> usize {
     let strips = StripRun::splats_of(&cut.strips);
     let large = if plan.draws_large_leaves {
         cut.triangles.len()
@@ -206,7 +206,7 @@ pub fn pack<R: Record + Copy + Send>(
     model: &Model,
     cut: &Cut,
     view: &View,
-    plan: &Plan,
+    plan: &SplatPlan,
     out: &mut [R],
 ) -> Packed {
     let writer = Writer::new(model, view, plan);
@@ -216,7 +216,7 @@ pub fn pack<R: Record + Copy + Send>(
 }
 
 /// What is written at a time, each with the most records that it may have.
-pub(crate) fn parts_of<'a>(cut: &'a Cut, plan: &Plan) -> Vec<(Part<'a>, usize)> {
+pub(crate) fn parts_of<'a>(cut: &'a Cut, plan: &SplatPlan) -> Vec<(PackedPart<'a>, usize)> {
     let large: &[u32] = if plan.draws_large_leaves {
         &cut.triangles
     } else {
@@ -224,28 +224,28 @@ pub(crate) fn parts_of<'a>(cut: &'a Cut, plan: &Plan) -> Vec<(Part<'a>, usize)> 
     };
     (cut.nodes
         .chunks(parallel::PART)
-        .map(|p| (Part::Nodes(p), p.len())))
+        .map(|p| (PackedPart::Nodes(p), p.len())))
     .chain(
         cut.strips
             .chunks(parallel::PART)
-            .map(|p| (Part::Rows(p), StripRun::splats_of(p))),
+            .map(|p| (PackedPart::Rows(p), StripRun::splats_of(p))),
     )
     .chain(
         cut.leaves
             .chunks(parallel::PART)
-            .map(|p| (Part::Leaves(p), p.len())),
+            .map(|p| (PackedPart::Leaves(p), p.len())),
     )
     .chain(
         large
             .chunks(parallel::PART)
-            .map(|p| (Part::Large(p), p.len())),
+            .map(|p| (PackedPart::Large(p), p.len())),
     )
     .collect()
 }
 
 /// What one thread writes at a time.
 #[derive(Clone, Copy)]
-pub(crate) enum Part<'a> {
+pub(crate) enum PackedPart<'a> {
     Nodes(&'a [u32]),
     Rows(&'a [StripRun]),
     Leaves(&'a [u32]),
@@ -311,7 +311,7 @@ pub(crate) fn pixels_of_unit(view: &View, at: Vec3) -> f32 {
 pub(crate) struct Writer<'a> {
     model: &'a Model,
     view: &'a View,
-    plan: &'a Plan,
+    plan: &'a SplatPlan,
     is_oriented: bool,
     /// Whether a splat may be too large for a point.
     is_checked: bool,
@@ -320,7 +320,7 @@ pub(crate) struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    pub(crate) fn new(model: &'a Model, view: &'a View, plan: &'a Plan) -> Self {
+    pub(crate) fn new(model: &'a Model, view: &'a View, plan: &'a SplatPlan) -> Self {
         Self {
             model,
             view,
@@ -332,12 +332,12 @@ impl<'a> Writer<'a> {
     }
 
     /// Writes the splats of a part.
-    pub(crate) fn part(&self, part: Part<'_>, out: &mut impl Out) {
+    pub(crate) fn part(&self, part: PackedPart<'_>, out: &mut impl Out) {
         match part {
-            Part::Nodes(ids) => self.nodes(ids, out),
-            Part::Rows(rows) => self.rows(rows, out),
-            Part::Leaves(ids) => self.leaves(ids, false, out),
-            Part::Large(ids) => self.leaves(ids, true, out),
+            PackedPart::Nodes(ids) => self.nodes(ids, out),
+            PackedPart::Rows(rows) => self.rows(rows, out),
+            PackedPart::Leaves(ids) => self.leaves(ids, false, out),
+            PackedPart::Large(ids) => self.leaves(ids, true, out),
         }
     }
 

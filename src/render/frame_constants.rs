@@ -3,7 +3,7 @@
 use crate::abi::{FrameConstants, constants};
 use crate::math::camera::{Light, View};
 use crate::pack::lit_sphere::SphereLights;
-use crate::pack::{ColorBy, Lighting, Phong, Source, falsecolor};
+use crate::pack::{ColorBy, LampSource, Lighting, Phong, falsecolor};
 use crate::render::backdrop::BackgroundGradient;
 use crate::render::model_facts::DrawnFacts;
 use crate::render::{AmbientOcclusion, EyeDome, Settings, screen_bounds};
@@ -201,8 +201,8 @@ pub(crate) fn frame_constants(
         Lighting::Headlight | Lighting::Phong(_) => Default::default(),
     };
     let lamp = match phong.lamp.in_view(view) {
-        Source::Direction(direction) => direction.as_vec3().extend(0.0),
-        Source::Point(position) => position.as_vec3().extend(1.0),
+        LampSource::Direction(direction) => direction.as_vec3().extend(0.0),
+        LampSource::Point(position) => position.as_vec3().extend(1.0),
     }
     .to_array();
     let columns = |m: Mat4| -> [[f32; 4]; 4] {

@@ -7,7 +7,7 @@
 use crate::abi::FrameConstants;
 use crate::gpu::Error;
 use crate::math::camera::View;
-use crate::pack::splats::Plan;
+use crate::pack::splats::SplatPlan;
 use crate::pack::{ColorBy, filtered, fuzzy};
 use crate::patches::PatchRules;
 use crate::render::capabilities::RendererCapabilities;
@@ -139,11 +139,11 @@ pub(crate) enum RecordFormat {
     /// None.
     Nothing,
     /// [`Splat`](crate::abi::Splat).
-    Splats(Plan),
+    Splats(SplatPlan),
     /// [`WeightedSplat`](crate::abi::WeightedSplat).
-    Weighted(Plan),
+    Weighted(SplatPlan),
     /// [`FuzzySplat`](crate::abi::FuzzySplat) where compute draws them, else [`WeightedSplat`](crate::abi::WeightedSplat).
-    Fuzzy(Plan, fuzzy::Look),
+    Fuzzy(SplatPlan, fuzzy::FuzzyLook),
     /// [`FilteredSplat`](crate::abi::FilteredSplat).
     Filtered(filtered::Shade),
 }

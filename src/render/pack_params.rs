@@ -16,8 +16,8 @@ pub(crate) fn largest_splat_px(facts: &DrawnFacts, settings: &Settings) -> f32 {
 }
 
 /// Parameters of packing splats, from the settings.
-pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::Plan {
-    pack::splats::Plan {
+pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::SplatPlan {
+    pack::splats::SplatPlan {
         footprint: settings.footprint(),
         threshold_px: settings.threshold_px.max(1.0),
         size: settings.size,
@@ -31,8 +31,8 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::Plan 
 }
 
 /// Parameters of packing fuzzy splats for compute, besides [`splat_plan`].
-pub fn fuzzy_look(settings: &Settings, facts: &DrawnFacts) -> pack::fuzzy::Look {
-    pack::fuzzy::Look {
+pub fn fuzzy_look(settings: &Settings, facts: &DrawnFacts) -> pack::fuzzy::FuzzyLook {
+    pack::fuzzy::FuzzyLook {
         is_gauss: settings.splat == SplatKind::Gauss,
         depth_offset: settings.depth_offset(),
         two_sided: settings.two_sided,

@@ -197,7 +197,7 @@ impl PartCuts {
     }
 
     /// Number of records that the splats need room for.
-    pub fn splat_count(&self, plan: &splats::Plan) -> usize {
+    pub fn splat_count(&self, plan: &splats::SplatPlan) -> usize {
         self.iter().map(|cut| splats::count(cut, plan)).sum()
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::cut::SizeMetric;
 use crate::gpu::Error;
-use crate::pack::splats::Plan;
+use crate::pack::splats::SplatPlan;
 use crate::pack::{ColorBy, Footprint, ids};
 use crate::progress::Silent;
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
@@ -276,7 +276,7 @@ fn check_filtered(
 pub(crate) fn device_cut_refusal(
     settings: &Settings,
     facts: &DrawnFacts,
-    plan: &Plan,
+    plan: &SplatPlan,
 ) -> Option<&'static str> {
     if settings.method != Method::Pop || Technique::of(settings) != Technique::Opaque {
         Some("it knows opaque squares and discs of --method pop")
@@ -305,7 +305,7 @@ pub(crate) fn device_cut_refusal(
 /// compute may draw.
 pub(crate) fn ids_refusal(
     settings: &Settings,
-    plan: &Plan,
+    plan: &SplatPlan,
     may_use_compute: bool,
 ) -> Option<&'static str> {
     match Technique::of(settings) {

@@ -57,7 +57,7 @@ const PATCHES: u32 = 4;
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Header {
+struct TreeHeader {
     magic: [u8; 8],
     version: u32,
     flags: u32,
@@ -95,7 +95,7 @@ struct PatchTable {
     checksum: u64,
 }
 
-const HEADER: usize = size_of::<Header>();
+const HEADER: usize = size_of::<TreeHeader>();
 
 /// Places of what a file holds after its header.
 struct FileLayout<'a> {
@@ -138,7 +138,7 @@ pub fn is_tree_file(start: &[u8]) -> bool {
 /// The folder cannot be written to, or the disk is full.
 pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
     require_little_endian(path)?;
-    let mut header = Header {
+    let mut header = TreeHeader {
         magic: MAGIC,
         version: VERSION,
         flags: flags_of(model),
@@ -149,7 +149,7 @@ pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
         orbit_radius: model.orbit_radius,
         used_vertices: model.used_vertices,
         section_count: SECTIONS as u32,
-        ..Header::zeroed()
+        ..TreeHeader::zeroed()
     };
     let mut layout = FileLayout {
         end: HEADER as u64,
@@ -259,7 +259,7 @@ pub fn read_from(
         offset,
         cause,
     };
-    let mut header = Header::zeroed();
+    let mut header = TreeHeader::zeroed();
     if length < HEADER as u64 {
         let mut start = Vec::new();
         file.read_to_end(&mut start).map_err(failed)?;
@@ -502,7 +502,7 @@ fn flags_of(model: &Model) -> u32 {
         .sum()
 }
 
-fn header_checksum(header: &Header) -> u64 {
+fn header_checksum(header: &TreeHeader) -> u64 {
     let bytes = bytemuck::bytes_of(header);
     hash(&bytes[..HEADER - size_of::<u64>()])
 }

@@ -27,7 +27,7 @@ pub use model::{EyePlace, FrameWork, TimeTaken};
 
 use crate::render::cost::model::{PerRasterizer, SplatCosts};
 use model::{TimeModel, WorkNumbers};
-use plan::{Seen, TriedThreshold};
+use plan::{SeenPlace, TriedThreshold};
 use std::collections::VecDeque;
 
 /// Largest threshold that is chosen, pixels (theirs).
@@ -112,7 +112,7 @@ pub struct FrameBudget {
     /// While the camera moves.
     moving_px: f32,
     /// What was drawn where, oldest first.
-    seen: VecDeque<Seen>,
+    seen: VecDeque<SeenPlace>,
     /// The last planned frame.
     last: Option<TriedThreshold>,
     /// Where it was seen from.

@@ -260,7 +260,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
     use super::*;
-    use crate::pack::Source;
+    use crate::pack::LampSource;
 
     fn around() -> (AroundAngles, Camera) {
         let center = DVec3::new(4.0, -2.0, 1.0);
@@ -304,8 +304,8 @@ mod tests {
                 unreachable!("still a lamp")
             };
             match phong.lamp.in_view(&view) {
-                Source::Direction(direction) => direction,
-                Source::Point(point) => {
+                LampSource::Direction(direction) => direction,
+                LampSource::Point(point) => {
                     let center = view.view_from_model.as_dmat4().w_axis.truncate();
                     (point - center).normalize()
                 }

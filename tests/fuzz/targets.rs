@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use surfel::cut::{Cut, CutSettings, select};
 use surfel::image::{FloatImage, PictureChannels};
-use surfel::input::{self, Loaded, Options};
+use surfel::input::{self, LoadedMesh, Options};
 use surfel::pages::file::PagedFile;
 use surfel::pages::source::MemorySource;
 use surfel::pages::{check as check_pages, join, qs};
@@ -431,7 +431,7 @@ fn expect(holds: bool, what: &str) -> Result<(), String> {
 }
 
 /// What a mesh promises, whatever it was read from; some are built into a tree, checked and cut.
-fn check_loaded(loaded: Loaded, bytes: &[u8]) -> Result<InputOutcome, String> {
+fn check_loaded(loaded: LoadedMesh, bytes: &[u8]) -> Result<InputOutcome, String> {
     let mesh = &loaded.mesh;
     let vertices = mesh.positions.len();
     expect(vertices > 0, "a mesh without vertices")?;
@@ -501,7 +501,7 @@ fn check_model(model: &Model) -> Result<(), String> {
 
 fn options() -> Options {
     Options {
-        limits: input::Limits {
+        limits: input::ReadLimits {
             texture_bytes: 8 << 20,
             ..Default::default()
         },

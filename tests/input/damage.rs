@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DVec3, Vec3};
-use surfel::input::{self, Error, Limits, Options, Warning};
+use surfel::input::{self, Error, Options, ReadLimits, Warning};
 use surfel::progress::{Progress, Silent};
 
 use super::{check, read, try_read};
@@ -334,9 +334,9 @@ fn gzip_is_unpacked_within_bounds() {
     assert!(
         matches!(try_read("a.ply", &bomb), Err(Error::TooLarge { found, .. }) if found <= (64 << 20) + 1)
     );
-    let small = Limits {
+    let small = ReadLimits {
         unpacked_bytes: 100,
-        ..Limits::default()
+        ..ReadLimits::default()
     };
     let options = Options {
         limits: small,
@@ -359,9 +359,9 @@ fn limits_are_kept() {
             limits,
             ..Options::default()
         };
-        let few = limit(Limits {
+        let few = limit(ReadLimits {
             vertices: 3,
-            ..Limits::default()
+            ..ReadLimits::default()
         });
         let error = input::load_bytes(name, bytes, &few, &Silent)
             .expect_err("four vertices are over three");
@@ -376,9 +376,9 @@ fn limits_are_kept() {
             ),
             "{name}: {error}"
         );
-        let short = limit(Limits {
+        let short = limit(ReadLimits {
             file_bytes: 30,
-            ..Limits::default()
+            ..ReadLimits::default()
         });
         assert!(matches!(
             input::load_bytes(name, bytes, &short, &Silent),

@@ -4,25 +4,25 @@
 use std::f32::consts::PI;
 
 use glam::Vec3;
-use surfel::input::{self, Loaded, Options, PartFate, Place, Warning};
+use surfel::input::{self, LoadedMesh, Options, PartFate, Place, Warning};
 use surfel::progress::Silent;
 
 use super::{check, message, read};
 
-fn remarks(loaded: &Loaded) -> String {
+fn remarks(loaded: &LoadedMesh) -> String {
     let lines: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     lines.join("\n")
 }
 
 /// A part of the inventory, by its name.
-fn fate(loaded: &Loaded, name: &str) -> (u64, PartFate) {
+fn fate(loaded: &LoadedMesh, name: &str) -> (u64, PartFate) {
     let part = loaded.parts.iter().find(|part| part.name == name);
     let part = part.unwrap_or_else(|| panic!("no {name} in {:#?}", loaded.parts));
     (part.count, part.fate)
 }
 
 /// Twice the area of the triangles, with the sign that it has seen from +z.
-fn areas(loaded: &Loaded) -> Vec<f32> {
+fn areas(loaded: &LoadedMesh) -> Vec<f32> {
     let mesh = &loaded.mesh;
     let area = |triangle: &[u32; 3]| {
         let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize]);
@@ -242,7 +242,7 @@ fn stl_colors_of_both_conventions() {
             [five(31, 0, 0) | 1 << 15, five(0, 16, 31) | 1 << 15, 0][i as usize]
         }),
     );
-    let colors = |loaded: &Loaded, triangle: usize| {
+    let colors = |loaded: &LoadedMesh, triangle: usize| {
         loaded.mesh.triangles[triangle].map(|corner| loaded.mesh.colors[corner as usize])
     };
     assert_eq!(colors(&loaded, 0), [[255, 0, 0, 255]; 3]);
@@ -566,7 +566,7 @@ fn gaussian_splats_have_their_base_color_and_a_sentence() {
 }
 
 /// The colors of the corners of every triangle.
-fn corner_colors(loaded: &Loaded) -> Vec<[[u8; 4]; 3]> {
+fn corner_colors(loaded: &LoadedMesh) -> Vec<[[u8; 4]; 3]> {
     let mesh = &loaded.mesh;
     let colors = |triangle: &[u32; 3]| triangle.map(|corner| mesh.colors[corner as usize]);
     mesh.triangles.iter().map(colors).collect()

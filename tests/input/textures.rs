@@ -4,7 +4,7 @@ use glam::Vec2;
 use serde_json::json;
 use std::io::Cursor;
 use std::path::Path;
-use surfel::input::{self, Format, Limits, Loaded, Options, PartFate, Warning};
+use surfel::input::{self, Format, LoadedMesh, Options, PartFate, ReadLimits, Warning};
 use surfel::progress::Silent;
 use surfel::textures::{MeshTextures, NO_IMAGE, WrapMode};
 
@@ -25,11 +25,11 @@ fn jpeg(width: u32, height: u32, color: [u8; 3]) -> Vec<u8> {
     out.into_inner()
 }
 
-fn load(path: &Path) -> Loaded {
+fn load(path: &Path) -> LoadedMesh {
     load_with(path, &Options::default())
 }
 
-fn load_with(path: &Path, options: &Options) -> Loaded {
+fn load_with(path: &Path, options: &Options) -> LoadedMesh {
     let options = Options {
         repair_faces: false,
         ..options.clone()
@@ -37,7 +37,7 @@ fn load_with(path: &Path, options: &Options) -> Loaded {
     input::load(path, &options, &Silent).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn textures(loaded: &Loaded) -> &MeshTextures {
+fn textures(loaded: &LoadedMesh) -> &MeshTextures {
     let textures = loaded.mesh.textures.as_ref().unwrap();
     assert_eq!(textures.corners.len(), loaded.mesh.triangles.len());
     assert_eq!(textures.image_of.len(), loaded.mesh.triangles.len());
@@ -48,7 +48,7 @@ fn corners(textures: &MeshTextures, triangle: usize) -> [[f32; 2]; 3] {
     textures.corners[triangle].map(|corner| corner.to_array())
 }
 
-fn remarks(loaded: &Loaded) -> String {
+fn remarks(loaded: &LoadedMesh) -> String {
     let remarks: Vec<String> = loaded.warnings.iter().map(|w| w.to_string()).collect();
     remarks.join("\n")
 }
@@ -365,9 +365,9 @@ fn images_beyond_the_budget_are_kept_smaller_and_it_is_said() {
     )
     .unwrap();
     let options = Options {
-        limits: Limits {
+        limits: ReadLimits {
             texture_bytes: 4 * (32 * 16 + 16 * 8 + 8 * 4 + 4 * 2 + 2 + 1),
-            ..Limits::default()
+            ..ReadLimits::default()
         },
         ..Options::default()
     };
@@ -384,7 +384,7 @@ fn images_beyond_the_budget_are_kept_smaller_and_it_is_said() {
 fn damaged_files_with_textures_never_panic() {
     let picture = png(3, 5, [200, 255, 0]);
     let whole = gltf(&picture, json!({"index": 0, "texCoord": 1}), [1.0; 3]);
-    let sound = |loaded: &Loaded| {
+    let sound = |loaded: &LoadedMesh| {
         if let Some(own) = &loaded.mesh.textures {
             assert_eq!(own.corners.len(), loaded.mesh.triangles.len());
             assert_eq!(own.image_of.len(), loaded.mesh.triangles.len());

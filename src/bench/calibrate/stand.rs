@@ -1,6 +1,6 @@
 //! What the calibration draws, and the lines that it puts through the times.
 
-use super::{Error, split};
+use super::{BenchError, split};
 use crate::chart::run::orbit;
 use crate::cut::{Cut, CutSelector};
 use crate::generate::{self, GeneratedShape, ShapeSpec};
@@ -40,7 +40,7 @@ struct StandStage {
 }
 
 impl StandStage {
-    fn new(gpu: &Arc<Gpu>, mesh: Mesh) -> Result<Self, Error> {
+    fn new(gpu: &Arc<Gpu>, mesh: Mesh) -> Result<Self, BenchError> {
         let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
         let scene = DeviceScene::new(gpu, &model)?;
         Ok(Self { model, scene })
@@ -136,7 +136,7 @@ pub(super) struct CalibrationStand {
 }
 
 impl CalibrationStand {
-    pub(super) fn new(gpu: &Arc<Gpu>) -> Result<Self, Error> {
+    pub(super) fn new(gpu: &Arc<Gpu>) -> Result<Self, BenchError> {
         // A graphics card needs more to do before its clock can tell.
         let (side, triangles) = match gpu.info().kind {
             DeviceKind::Cpu => (300, 60_000),
@@ -193,7 +193,7 @@ impl CalibrationStand {
         is_statue: bool,
         fill: f64,
         settings: &Settings,
-    ) -> Result<Option<Drawn>, Error> {
+    ) -> Result<Option<Drawn>, BenchError> {
         use crate::gpu::Error as E;
         let StandStage { model, scene } = if is_statue {
             &mut self.statue
@@ -248,7 +248,7 @@ impl CalibrationStand {
         Ok(Some(drawn))
     }
 
-    fn nothing(&mut self, settings: &Settings) -> Result<Option<EmptyFrames>, Error> {
+    fn nothing(&mut self, settings: &Settings) -> Result<Option<EmptyFrames>, BenchError> {
         let Some(far) = self.draw(false, FILL_OF_NOTHING, settings)? else {
             return Ok(None);
         };
@@ -257,7 +257,7 @@ impl CalibrationStand {
     }
 
     /// The statue with parts of a size.
-    fn parts(&mut self, size_px: f32, base: &Settings) -> Result<Option<Drawn>, Error> {
+    fn parts(&mut self, size_px: f32, base: &Settings) -> Result<Option<Drawn>, BenchError> {
         let settings = Settings {
             threshold_px: size_px,
             ..*base
@@ -267,7 +267,7 @@ impl CalibrationStand {
     }
 
     /// One path of one kind of splat, and for what it costs beside the rasterizer nothing and parts of the middle size.
-    fn way(&mut self, base: &Settings) -> Result<Option<(SplatCosts, [Drawn; 3])>, Error> {
+    fn way(&mut self, base: &Settings) -> Result<Option<(SplatCosts, [Drawn; 3])>, BenchError> {
         let Some(nothing) = self.nothing(base)? else {
             return Ok(None);
         };
@@ -290,7 +290,7 @@ impl CalibrationStand {
     pub(super) fn splats(
         &mut self,
         kind: SplatKind,
-    ) -> Result<(Option<PerRasterizer<SplatCosts>>, Option<MergeCosts>), Error> {
+    ) -> Result<(Option<PerRasterizer<SplatCosts>>, Option<MergeCosts>), BenchError> {
         self.renderer.set_costs(Some(only(true)));
         let base = |path| Settings {
             splat: kind,
@@ -328,7 +328,7 @@ impl CalibrationStand {
     }
 
     /// Points and quads.
-    pub(super) fn primitives(&mut self) -> Result<Option<PrimitiveCosts>, Error> {
+    pub(super) fn primitives(&mut self) -> Result<Option<PrimitiveCosts>, BenchError> {
         let base = Settings {
             path: Path::Raster,
             occlusion: Occlusion::Off,
@@ -352,8 +352,8 @@ impl CalibrationStand {
         Ok(Some(PrimitiveCosts { point_ns, quad_ns }))
     }
 
-    pub(super) fn triangles(&mut self) -> Result<Option<PerRasterizer<TriangleCosts>>, Error> {
-        let way = |stand: &mut Self, path| -> Result<Option<TriangleCosts>, Error> {
+    pub(super) fn triangles(&mut self) -> Result<Option<PerRasterizer<TriangleCosts>>, BenchError> {
+        let way = |stand: &mut Self, path| -> Result<Option<TriangleCosts>, BenchError> {
             let settings = Settings {
                 path,
                 threshold_px: 0.0,
@@ -384,7 +384,7 @@ impl CalibrationStand {
         Ok(any.then_some(PerRasterizer { raster, compute }))
     }
 
-    pub(super) fn node_ns(&mut self) -> Result<f64, Error> {
+    pub(super) fn node_ns(&mut self) -> Result<f64, BenchError> {
         let model = &self.statue.model;
         let view: View = orbit(model, (self.side, self.side), 1.0, 0, 9)?;
         let settings = cut_settings(&Settings::default(), model);
@@ -400,7 +400,7 @@ impl CalibrationStand {
     }
 
     /// The same by the device, of its passes `cut`; `None` where it cannot.
-    pub(super) fn device_node_ns(&mut self) -> Result<Option<f64>, Error> {
+    pub(super) fn device_node_ns(&mut self) -> Result<Option<f64>, BenchError> {
         let settings = Settings {
             cut_on: CutOn::Device,
             path: Path::Raster,

@@ -196,11 +196,11 @@ fn what_takes_too_long_is_given_up_and_not_tried_again() {
     let Some(gpu) = device() else { return };
     let parts = [CalibrationPart::Filtered, CalibrationPart::Primitives];
     // No time at all, and frames that would have to be the same to the nanosecond.
-    let hasty = Limits {
+    let hasty = PartLimits {
         patience: Duration::ZERO,
         ..ASKED_FOR
     };
-    let strict = Limits {
+    let strict = PartLimits {
         unsteady: 1.0,
         ..ASKED_FOR
     };

@@ -4,9 +4,9 @@
 //! F6 sharp edges, F7 uneven spacing, F8 cones that cull what is seen, F9 cones of vertex normals.
 
 use super::dietz_holes::{OFF_DEGREES, bare, tilt, tilted};
-use super::{Table, count};
+use super::{PublishedTable, count};
 use crate::abi::Vertex;
-use crate::chart::Error;
+use crate::chart::ChartError;
 use crate::image::{Image, contact_sheet};
 use crate::math::camera::{Camera, View};
 use crate::math::octahedral;
@@ -47,15 +47,15 @@ struct FailureWay {
 }
 
 /// Two ways of the thesis, and ours.
-type WaysOfFailure = Result<[FailureWay; 3], Error>;
+type WaysOfFailure = Result<[FailureWay; 3], ChartError>;
 
 /// The failures of the thesis in a row each: two ways of it and ours, bare pixels in orange and those beyond the outline in blue;
 /// and how many of both there are.
 ///
 /// # Errors
 /// When `progress` is cancelled.
-pub fn failures(progress: &dyn Progress) -> Result<(Image, Table), Error> {
-    let mut table = Table::new(
+pub fn failures(progress: &dyn Progress) -> Result<(Image, PublishedTable), ChartError> {
+    let mut table = PublishedTable::new(
         format!("Dietz: his failures, {} x {} pixels", SIZE.0, SIZE.1),
         &["", "splats", "triangles", "bare px", "beyond px", "remark"],
     );
@@ -71,7 +71,7 @@ pub fn failures(progress: &dyn Progress) -> Result<(Image, Table), Error> {
     let mut pictures = Vec::new();
     for row in rows {
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(ChartError::Cancelled);
         }
         for (k, way) in row()?.into_iter().enumerate() {
             let mut picture = way.scene.draw(&way.set);
@@ -101,7 +101,7 @@ impl FailureScene {
         mesh: &Mesh,
         zoom: f64,
         eye_of: impl FnOnce(&WeldedSurface) -> DVec3,
-    ) -> Result<Rc<Self>, Error> {
+    ) -> Result<Rc<Self>, ChartError> {
         let corners = mesh.triangles.iter().flatten();
         let positions: Vec<Vec3> = corners.map(|&v| mesh.positions[v as usize]).collect();
         let triangles: Vec<[u32; 3]> = (0..mesh.triangles.len() as u32)

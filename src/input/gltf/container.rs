@@ -7,7 +7,7 @@ use std::path::{Component, Path};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::text::shown;
 use super::super::{Error, Place};
 use super::document::GltfDocument;
@@ -24,7 +24,7 @@ pub(super) struct GltfChunks<'a> {
 }
 
 /// Divides a file into its chunks; a file without the mark is the description itself.
-pub(super) fn chunks<'a>(job: &Job<'_>, data: &'a [u8]) -> Result<GltfChunks<'a>, Error> {
+pub(super) fn chunks<'a>(job: &ReadJob<'_>, data: &'a [u8]) -> Result<GltfChunks<'a>, Error> {
     if !data.starts_with(MAGIC) {
         return Ok(GltfChunks {
             json: data,
@@ -63,7 +63,7 @@ pub(super) fn chunks<'a>(job: &Job<'_>, data: &'a [u8]) -> Result<GltfChunks<'a>
 
 /// Gets the buffers that anything is read from.
 pub(super) fn buffers<'a>(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     document: &GltfDocument,
     binary: Option<&'a [u8]>,
 ) -> Result<Vec<Cow<'a, [u8]>>, Error> {
@@ -83,7 +83,7 @@ pub(super) fn buffers<'a>(
 }
 
 /// Gets the bytes of an address: in the address itself, or a file in the folder of the model.
-fn fetch(job: &Job<'_>, index: usize, uri: &str, length: u64) -> Result<Vec<u8>, Error> {
+fn fetch(job: &ReadJob<'_>, index: usize, uri: &str, length: u64) -> Result<Vec<u8>, Error> {
     let fault = |reason: String| {
         let name = shown(uri.as_bytes());
         job.syntax(

@@ -20,11 +20,11 @@ use self::scene::{MeshPlace, places};
 use self::texture::SceneTextures;
 use super::assemble::{Coordinates, Raw};
 use super::color::encoded_byte;
-use super::job::Job;
+use super::job::ReadJob;
 use super::part::PartFate;
 use super::polygon::PolygonRuns;
 use super::text::shown;
-use super::{Counts, Error, Format, Place, Warning};
+use super::{Error, FileCounts, Format, Place, Warning};
 
 /// Extensions that change nothing of what is drawn here, or are read.
 const KNOWN: [&str; 3] = [
@@ -78,7 +78,7 @@ impl CornerTopology {
 }
 
 /// Reads a glTF or GLB file.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
     let chunks = container::chunks(job, data)?;
     let document: GltfDocument = serde_json::from_slice(chunks.json).map_err(|error| {
         let reason = shown_reason(&error.to_string());
@@ -135,7 +135,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     Ok((
         format,
         Raw {
-            counts: Counts {
+            counts: FileCounts {
                 vertices: sink.positions.len() as u64,
                 faces: sink.faces,
             },
@@ -157,7 +157,7 @@ fn shown_reason(text: &str) -> String {
 }
 
 /// Refuses what must be understood to read the geometry, with the command that takes it away.
-fn refuse_packed(job: &Job<'_>, document: &GltfDocument) -> Result<(), Error> {
+fn refuse_packed(job: &ReadJob<'_>, document: &GltfDocument) -> Result<(), Error> {
     for name in &document.extensions_required {
         let (what, command) = match name.as_str() {
             "KHR_draco_mesh_compression" => {
@@ -199,7 +199,7 @@ fn refuse_packed(job: &Job<'_>, document: &GltfDocument) -> Result<(), Error> {
 
 /// Adds a primitive at its place.
 fn add_primitive(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     store: &GltfStore<'_>,
     place: &MeshPlace,
     primitive: &GltfPrimitive,
@@ -312,7 +312,7 @@ fn push_triangles(
 
 /// Adds normals where the primitive has them, zeros where only others do.
 fn add_normals(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     store: &GltfStore<'_>,
     primitive: &GltfPrimitive,
     to_world: &DMat4,
@@ -351,14 +351,14 @@ fn add_normals(
     Ok(())
 }
 
-fn different_lengths(job: &Job<'_>, what: &str, found: usize, wanted: usize) -> Error {
+fn different_lengths(job: &ReadJob<'_>, what: &str, found: usize, wanted: usize) -> Error {
     let reason = format!("a primitive has {found} {what} for {wanted} positions");
     job.syntax(Place::Byte(0), reason)
 }
 
 /// Adds colors: those of the vertices times the base color of the material.
 fn add_colors(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     store: &GltfStore<'_>,
     primitive: &GltfPrimitive,
     count: usize,
@@ -391,7 +391,7 @@ fn add_colors(
 }
 
 /// Says what the file holds and what was left out.
-fn list(job: &mut Job<'_>, document: &GltfDocument, places: &[MeshPlace], sink: &GltfSink) {
+fn list(job: &mut ReadJob<'_>, document: &GltfDocument, places: &[MeshPlace], sink: &GltfSink) {
     for (index, mesh) in document.meshes.iter().enumerate() {
         let times = places.iter().filter(|place| place.mesh == index).count() as u64;
         let name = format!("mesh {}", shown(mesh.name.as_bytes()));

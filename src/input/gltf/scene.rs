@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DQuat, DVec3};
 
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::{Error, Place, Warning};
 use super::document::{GltfDocument, GltfNode};
 
@@ -15,7 +15,10 @@ pub(super) struct MeshPlace {
 }
 
 /// The meshes of the scene, in the order of its nodes. A node counts once: a node of two parents, or of itself, is no tree.
-pub(super) fn places(job: &mut Job<'_>, document: &GltfDocument) -> Result<Vec<MeshPlace>, Error> {
+pub(super) fn places(
+    job: &mut ReadJob<'_>,
+    document: &GltfDocument,
+) -> Result<Vec<MeshPlace>, Error> {
     let roots: Vec<usize> = match document.scenes.get(document.scene.unwrap_or(0)) {
         Some(scene) => scene.nodes.clone(),
         None => roots_of(document),

@@ -1,6 +1,6 @@
 //! Which elements and properties of a PLY file we know, and under what names.
 
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::part::{PartFate, grouped};
 use super::super::{Error, Place};
 use super::header::{Element, Named, Property, Type};
@@ -225,7 +225,7 @@ impl Frame {
 
 /// What an element is to us.
 pub(super) fn role_of(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     place: Place,
     name: &str,
     count: u64,
@@ -272,7 +272,7 @@ pub(super) fn role_of(
     }
 }
 
-fn no_corners(job: &Job<'_>, place: Place, name: &str) -> Error {
+fn no_corners(job: &ReadJob<'_>, place: Place, name: &str) -> Error {
     job.syntax(
         place,
         format!("element `{name}` has no list `vertex_indices`"),
@@ -281,7 +281,7 @@ fn no_corners(job: &Job<'_>, place: Place, name: &str) -> Error {
 
 /// Lets the colors of vertices go before those of faces, and texture coordinates of faces before those of vertices; without
 /// textures there are none. Lists all elements and properties.
-pub(super) fn settle(job: &mut Job<'_>, elements: &mut [Element], has_textures: bool) {
+pub(super) fn settle(job: &mut ReadJob<'_>, elements: &mut [Element], has_textures: bool) {
     let have_places = |element: &Element| matches!(element.role, Role::Faces(columns) if columns.places.is_some());
     let have_places = elements.iter().any(have_places);
     for element in &mut *elements {
@@ -316,7 +316,7 @@ pub(super) fn settle(job: &mut Job<'_>, elements: &mut [Element], has_textures: 
 }
 
 /// Lists an element and its properties; `left_colors` are colors of faces that are left out.
-fn list(job: &mut Job<'_>, element: &Element, left_colors: &[usize]) {
+fn list(job: &mut ReadJob<'_>, element: &Element, left_colors: &[usize]) {
     let Element { name, count, .. } = element;
     let fate = match element.role {
         Role::Other => PartFate::LeftOut,

@@ -8,11 +8,11 @@ use rayon::prelude::*;
 use super::super::Error;
 use super::super::assemble::Coordinates;
 use super::super::color::{ColorRange, ColorSink, unite};
-use super::super::job::Job;
-use super::Sink;
+use super::super::job::ReadJob;
+use super::ReadParts;
 use super::columns::{ColorColumns, Column, Role, VertexColumns};
 use super::header::{Element, Property, Type};
-use super::rows::{decode, is_opaque, of_harmonics, packed_bits, unpacked};
+use super::numbers::{decode, is_opaque, of_harmonics, packed_bits, unpacked};
 
 /// Rows per parallel piece, about a megabyte; progress and cancelling go by pieces.
 const PIECE: usize = 1 << 16;
@@ -21,10 +21,10 @@ const PIECE: usize = 1 << 16;
 /// Returns the bytes read, or `None` when the rows differ or anything is wrong with them: the general way then finds
 /// the place.
 pub(super) fn read<const BIG: bool>(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     data: &[u8],
     element: &Element,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) -> Result<Option<usize>, Error> {
     let count = element.count as usize;
     match (element.role, element.stride()) {
@@ -88,7 +88,7 @@ pub(super) fn read_vertices<const BIG: bool>(
     stride: usize,
     element: &Element,
     columns: &VertexColumns,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) {
     let offset = |column: Column| (offset_of(element, column.property), column.kind);
     let offsets = |columns: [Column; 3]| columns.map(offset);
@@ -163,12 +163,12 @@ fn colors<const BIG: bool>(
             let seen = data
                 .par_chunks(PIECE * stride)
                 .map(|piece| {
-                    let mut seen = Seen::default();
+                    let mut seen = ChannelRange::default();
                     let rows = piece.chunks_exact(stride);
                     rows.for_each(|row| seen.add(value(row, column)));
                     seen
                 })
-                .reduce(Seen::default, Seen::join);
+                .reduce(ChannelRange::default, ChannelRange::join);
             range.see_all(seen.largest, seen.has_fraction);
         }
         unite(&mut sink.ranges, before);
@@ -193,13 +193,13 @@ fn colors<const BIG: bool>(
 
 /// What the values of a channel say about its range.
 #[derive(Debug, Clone, Copy, Default)]
-struct Seen {
+struct ChannelRange {
     /// The largest that is finite, at least 0.
     largest: f64,
     has_fraction: bool,
 }
 
-impl Seen {
+impl ChannelRange {
     #[inline]
     fn add(&mut self, value: f64) {
         if value > self.largest && value.is_finite() {
@@ -298,7 +298,7 @@ pub(super) fn triangle_stride(element: &Element, list: usize) -> Option<usize> {
 }
 
 fn read_triangles<const BIG: bool>(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     data: &[u8],
     count: usize,
     layout: TriangleLayout,

@@ -1,7 +1,7 @@
 //! The header of a PLY file: encoding, elements, properties.
 
 use super::super::color::ColorRange;
-use super::super::job::{Job, at_line};
+use super::super::job::{ReadJob, at_line};
 use super::super::text::{Scanner, shown, words};
 use super::super::{Error, Place};
 use super::columns::{self, Role};
@@ -110,7 +110,7 @@ impl Element {
 }
 
 #[derive(Debug)]
-pub(super) struct Header {
+pub(super) struct PlyHeader {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
     /// Rows of the vertex element.
@@ -127,8 +127,8 @@ const LONGEST_HEADER: usize = 1 << 20;
 /// A property list while the header is read.
 pub(super) type Named = Vec<(String, Property)>;
 
-impl Header {
-    pub(super) fn parse(job: &mut Job<'_>, data: &[u8]) -> Result<Header, Error> {
+impl PlyHeader {
+    pub(super) fn parse(job: &mut ReadJob<'_>, data: &[u8]) -> Result<PlyHeader, Error> {
         let head = &data[..data.len().min(LONGEST_HEADER)];
         let mut scanner = Scanner::new(head, 0);
         let mut encoding = None;
@@ -232,7 +232,7 @@ impl Header {
             .find(|element| matches!(element.role, Role::Vertices(_)))
             .map(|element| element.count)
             .ok_or_else(|| job.syntax(place, "the header has no element `vertex`"))?;
-        Ok(Header {
+        Ok(PlyHeader {
             encoding,
             elements,
             vertices,
@@ -243,7 +243,7 @@ impl Header {
 }
 
 fn parse_element(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     place: impl Fn() -> Place,
     rest: &[&[u8]],
 ) -> Result<(String, u64, Named), Error> {
@@ -258,7 +258,7 @@ fn parse_element(
 }
 
 fn parse_property(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     place: impl Fn() -> Place,
     rest: &[&[u8]],
 ) -> Result<(String, Property), Error> {

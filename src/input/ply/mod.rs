@@ -9,6 +9,7 @@
 mod columns;
 mod fixed;
 mod header;
+mod numbers;
 mod rows;
 mod stream;
 mod texture;
@@ -18,19 +19,19 @@ pub(super) use stream::open_stream;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use self::columns::Role;
-use self::header::{Element, Encoding, Header};
-use self::rows::{Ascii, Binary, Source};
+use self::header::{Element, Encoding, PlyHeader};
+use self::rows::{Ascii, Binary, NumberSource};
 use self::texture::FacePlaces;
 use super::assemble::{Coordinates, Raw};
 use super::color::{ColorRange, ColorSink};
-use super::job::Job;
+use super::job::ReadJob;
 use super::part::PartFate;
 use super::polygon::FaceList;
-use super::{Counts, Error, Format, Place, Warning};
+use super::{Error, FileCounts, Format, Place, Warning};
 
 /// What has been read so far.
 #[derive(Debug)]
-struct Sink {
+struct ReadParts {
     coordinates: Coordinates,
     normals: Vec<Vec3>,
     colors: ColorSink,
@@ -47,8 +48,8 @@ struct Sink {
 }
 
 /// Reads a PLY file.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
-    let header = Header::parse(job, data)?;
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+    let header = PlyHeader::parse(job, data)?;
     let format = match header.encoding {
         Encoding::Ascii => Format::PlyAscii,
         Encoding::LittleEndian => Format::PlyBinaryLittleEndian,
@@ -58,7 +59,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     if header.vertices == 0 {
         return Err(job.empty("the file has no vertices"));
     }
-    let mut sink = Sink {
+    let mut sink = ReadParts {
         coordinates: Coordinates::Double(Vec::new()),
         normals: Vec::new(),
         colors: ColorSink::new([ColorRange::BYTE; 3]),
@@ -99,7 +100,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     }
     sink.list.warn(job);
     sink.remark(job, &header);
-    let counts = Counts {
+    let counts = FileCounts {
         vertices: header.vertices,
         faces: sink.list.faces,
     };
@@ -122,11 +123,11 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     Ok((format, raw))
 }
 
-fn read_elements<S: Source>(
-    job: &mut Job<'_>,
+fn read_elements<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
     elements: &[Element],
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) -> Result<usize, Error> {
     for element in elements {
         check_size(job, source, element)?;
@@ -141,7 +142,11 @@ fn read_elements<S: Source>(
 
 /// Refuses an element whose shortest possible rows do not fit in what is left of the file, so that a header that
 /// lies cannot ask for memory.
-fn check_size<S: Source>(job: &Job<'_>, source: &S, element: &Element) -> Result<(), Error> {
+fn check_size<S: NumberSource>(
+    job: &ReadJob<'_>,
+    source: &S,
+    element: &Element,
+) -> Result<(), Error> {
     let needed = u128::from(element.count) * u128::from(source.smallest_row(element));
     // The last word of a text needs no space after it.
     let left = source.remaining() as u128 + 1;
@@ -159,7 +164,7 @@ fn check_size<S: Source>(job: &Job<'_>, source: &S, element: &Element) -> Result
     ))
 }
 
-impl Sink {
+impl ReadParts {
     /// Makes room for the vertices; the count has been checked against the bytes left.
     fn reserve_vertices(&mut self, count: usize, has_normals: bool, has_colors: bool) {
         self.coordinates = Coordinates::Double(Vec::with_capacity(count));
@@ -180,9 +185,9 @@ impl Sink {
     }
 }
 
-impl Sink {
+impl ReadParts {
     /// Says what the colors were read as.
-    fn remark(&self, job: &mut Job<'_>, header: &Header) {
+    fn remark(&self, job: &mut ReadJob<'_>, header: &PlyHeader) {
         let remarks = [&self.colors, &self.face_colors].map(ColorSink::remark);
         job.warnings.extend(remarks.into_iter().flatten());
         for element in &header.elements {
@@ -209,7 +214,7 @@ impl Sink {
 }
 
 /// The error for an index that is no vertex.
-fn index_error(job: &Job<'_>, place: Place, index: f64, vertices: u64) -> Error {
+fn index_error(job: &ReadJob<'_>, place: Place, index: f64, vertices: u64) -> Error {
     // The cast saturates; it only serves the message.
     job.index(place, "vertex", index as i64, vertices, 0)
 }

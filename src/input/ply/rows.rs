@@ -2,23 +2,29 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::super::color::{ColorSink, color_from_unit};
-use super::super::job::{Job, at_line};
+use super::super::color::ColorSink;
+use super::super::job::{ReadJob, at_line};
 use super::super::part::Fault;
 use super::super::text::{Scanner, parse_f64};
 use super::super::{Error, Place};
 use super::columns::{ColorColumns, FaceColumns, Role, VertexColumns};
 use super::header::{Element, Property, Type};
-use super::{Sink, fixed, index_error};
+use super::numbers::{decode, is_opaque, of_harmonics, packed_bits, unpacked};
+use super::{ReadParts, fixed, index_error};
 
 /// Gives the numbers of a body in order. All types fit a double but 64-bit integers, which no index reaches.
-pub(super) trait Source {
+pub(super) trait NumberSource {
     /// The next number.
-    fn number(&mut self, job: &Job<'_>, kind: Type) -> Result<f64, Error>;
+    fn number(&mut self, job: &ReadJob<'_>, kind: Type) -> Result<f64, Error>;
     /// The next number, where no shape depends on it: what is no number is 0, with a note of the fault.
-    fn dispensable(&mut self, job: &mut Job<'_>, kind: Type, fault: Fault) -> Result<f64, Error>;
+    fn dispensable(
+        &mut self,
+        job: &mut ReadJob<'_>,
+        kind: Type,
+        fault: Fault,
+    ) -> Result<f64, Error>;
     /// The next number of four bytes as bits that hold a packed color.
-    fn packed(&mut self, job: &mut Job<'_>, kind: Type) -> Result<u32, Error>;
+    fn packed(&mut self, job: &mut ReadJob<'_>, kind: Type) -> Result<u32, Error>;
     /// Offset of the next byte.
     fn at(&self) -> usize;
     /// Bytes left.
@@ -30,9 +36,9 @@ pub(super) trait Source {
     /// Reads an element the fast way when its rows allow it; false, having moved nothing, when they do not.
     fn read_fixed(
         &mut self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         element: &Element,
-        sink: &mut Sink,
+        sink: &mut ReadParts,
     ) -> Result<bool, Error>;
 
     /// Least number of bytes that a row takes: its lists are empty.
@@ -59,9 +65,9 @@ impl<'a> Ascii<'a> {
     }
 }
 
-impl Source for Ascii<'_> {
+impl NumberSource for Ascii<'_> {
     #[inline]
-    fn number(&mut self, job: &Job<'_>, _kind: Type) -> Result<f64, Error> {
+    fn number(&mut self, job: &ReadJob<'_>, _kind: Type) -> Result<f64, Error> {
         let Some((word, at)) = self.scanner.word() else {
             return Err(job.truncated(self.place(self.scanner.data.len()), "a number is missing"));
         };
@@ -69,7 +75,7 @@ impl Source for Ascii<'_> {
     }
 
     #[inline]
-    fn dispensable(&mut self, job: &mut Job<'_>, _: Type, fault: Fault) -> Result<f64, Error> {
+    fn dispensable(&mut self, job: &mut ReadJob<'_>, _: Type, fault: Fault) -> Result<f64, Error> {
         let Some((word, at)) = self.scanner.word() else {
             return Err(job.truncated(self.place(self.scanner.data.len()), "a number is missing"));
         };
@@ -79,7 +85,7 @@ impl Source for Ascii<'_> {
         }))
     }
 
-    fn packed(&mut self, job: &mut Job<'_>, kind: Type) -> Result<u32, Error> {
+    fn packed(&mut self, job: &mut ReadJob<'_>, kind: Type) -> Result<u32, Error> {
         let value = self.dispensable(job, kind, Fault::COLOR)?;
         Ok(if kind.is_float() && value.fract() != 0.0 {
             (value as f32).to_bits()
@@ -106,7 +112,12 @@ impl Source for Ascii<'_> {
         2
     }
 
-    fn read_fixed(&mut self, _: &Job<'_>, _: &Element, _: &mut Sink) -> Result<bool, Error> {
+    fn read_fixed(
+        &mut self,
+        _: &ReadJob<'_>,
+        _: &Element,
+        _: &mut ReadParts,
+    ) -> Result<bool, Error> {
         Ok(false)
     }
 }
@@ -135,73 +146,9 @@ impl<'a, const BIG: bool> Binary<'a, BIG> {
     }
 }
 
-/// The number at the start of `bytes`; zero when they are too few, which callers have excluded.
-#[inline]
-pub(super) fn decode<const BIG: bool>(bytes: &[u8], kind: Type) -> f64 {
-    macro_rules! number {
-        ($type:ty) => {
-            match bytes.first_chunk() {
-                Some(&chunk) if BIG => <$type>::from_be_bytes(chunk) as f64,
-                Some(&chunk) => <$type>::from_le_bytes(chunk) as f64,
-                None => 0.0,
-            }
-        };
-    }
-    match kind {
-        Type::I8 => number!(i8),
-        Type::U8 => number!(u8),
-        Type::I16 => number!(i16),
-        Type::U16 => number!(u16),
-        Type::I32 => number!(i32),
-        Type::U32 => number!(u32),
-        Type::I64 => number!(i64),
-        Type::U64 => number!(u64),
-        Type::F32 => number!(f32),
-        Type::F64 => number!(f64),
-    }
-}
-
-/// The bits of a packed color of four bytes at the start of `bytes`. A float may hold the bits or their number.
-#[inline]
-pub(super) fn packed_bits<const BIG: bool>(bytes: &[u8], kind: Type) -> u32 {
-    let bits = match bytes.first_chunk() {
-        Some(&chunk) if BIG => u32::from_be_bytes(chunk),
-        Some(&chunk) => u32::from_le_bytes(chunk),
-        None => 0,
-    };
-    let value = f32::from_bits(bits);
-    let is_number = (1.0..=16_777_215.0).contains(&value) && value.fract() == 0.0;
-    if kind.is_float() && is_number {
-        value as u32
-    } else {
-        bits
-    }
-}
-
-/// The color in the bits of a number.
-#[inline]
-pub(super) fn unpacked(bits: u32) -> [u8; 4] {
-    let [blue, green, red, _] = bits.to_le_bytes();
-    [red, green, blue, 255]
-}
-
-/// The color of the constant part of spherical harmonics: 0.5 and Y00 = 1 / (2 sqrt(pi)) of it.
-#[inline]
-pub(super) fn of_harmonics(values: [f64; 3]) -> [u8; 4] {
-    const Y00: f64 = 0.282_094_791_773_878_14;
-    let [red, green, blue] = values.map(|value| color_from_unit(0.5 + Y00 * value));
-    [red, green, blue, 255]
-}
-
-/// Tells whether an alpha means opaque in any of the ranges.
-#[inline]
-pub(super) fn is_opaque(alpha: f64) -> bool {
-    matches!(alpha, -1.0 | 1.0 | 255.0 | 65535.0)
-}
-
-impl<const BIG: bool> Source for Binary<'_, BIG> {
+impl<const BIG: bool> NumberSource for Binary<'_, BIG> {
     #[inline]
-    fn number(&mut self, job: &Job<'_>, kind: Type) -> Result<f64, Error> {
+    fn number(&mut self, job: &ReadJob<'_>, kind: Type) -> Result<f64, Error> {
         match self.data.get(self.at..self.at + kind.size()) {
             Some(bytes) => {
                 self.at += kind.size();
@@ -212,11 +159,11 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
     }
 
     #[inline]
-    fn dispensable(&mut self, job: &mut Job<'_>, kind: Type, _: Fault) -> Result<f64, Error> {
+    fn dispensable(&mut self, job: &mut ReadJob<'_>, kind: Type, _: Fault) -> Result<f64, Error> {
         self.number(job, kind)
     }
 
-    fn packed(&mut self, job: &mut Job<'_>, kind: Type) -> Result<u32, Error> {
+    fn packed(&mut self, job: &mut ReadJob<'_>, kind: Type) -> Result<u32, Error> {
         let start = self.at;
         self.number(job, kind)?;
         Ok(packed_bits::<BIG>(&self.data[start..], kind))
@@ -240,9 +187,9 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
 
     fn read_fixed(
         &mut self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         element: &Element,
-        sink: &mut Sink,
+        sink: &mut ReadParts,
     ) -> Result<bool, Error> {
         let read = fixed::read::<BIG>(job, &self.data[self.at..], element, sink)?;
         self.at += read.unwrap_or(0);
@@ -251,11 +198,11 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
 }
 
 /// Reads all rows of an element.
-pub(super) fn read<S: Source>(
-    job: &mut Job<'_>,
+pub(super) fn read<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
     element: &Element,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) -> Result<(), Error> {
     if element.properties.is_empty() {
         return Ok(());
@@ -292,7 +239,11 @@ pub(super) fn read<S: Source>(
 
 /// Passes a property that is not read.
 #[inline]
-fn skip<S: Source>(job: &mut Job<'_>, source: &mut S, property: Property) -> Result<(), Error> {
+fn skip<S: NumberSource>(
+    job: &mut ReadJob<'_>,
+    source: &mut S,
+    property: Property,
+) -> Result<(), Error> {
     match property {
         Property::Scalar(kind) => {
             source.dispensable(job, kind, Fault::EXTRA)?;
@@ -306,12 +257,12 @@ fn skip<S: Source>(job: &mut Job<'_>, source: &mut S, property: Property) -> Res
     Ok(())
 }
 
-fn read_faces<S: Source>(
-    job: &mut Job<'_>,
+fn read_faces<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
     element: &Element,
     columns: &FaceColumns,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) -> Result<(), Error> {
     // The smallest row has been checked to fit, so this is in proportion to the file.
     sink.list.triangles.reserve(element.count as usize);
@@ -372,8 +323,8 @@ fn read_faces<S: Source>(
 
 /// Reads the length of a list and checks that so many items can follow.
 #[inline]
-fn read_length<S: Source>(
-    job: &Job<'_>,
+fn read_length<S: NumberSource>(
+    job: &ReadJob<'_>,
     source: &mut S,
     count: Type,
     item: Type,
@@ -401,8 +352,8 @@ fn read_length<S: Source>(
 }
 
 #[inline]
-fn read_index<S: Source>(
-    job: &Job<'_>,
+fn read_index<S: NumberSource>(
+    job: &ReadJob<'_>,
     source: &mut S,
     kind: Type,
     vertices: u64,
@@ -424,12 +375,12 @@ fn read_index<S: Source>(
 
 /// Reads a polygon; `corners` is memory to use.
 #[inline]
-fn read_polygon<S: Source>(
-    job: &Job<'_>,
+fn read_polygon<S: NumberSource>(
+    job: &ReadJob<'_>,
     source: &mut S,
     length: u64,
     kind: Type,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
     corners: &mut Vec<u32>,
 ) -> Result<(), Error> {
     if length < 3 {
@@ -449,12 +400,12 @@ fn read_polygon<S: Source>(
 }
 
 /// Reads strips that negative numbers end. Triangles that name a vertex twice only turn a strip and are dropped.
-fn read_strips<S: Source>(
-    job: &Job<'_>,
+fn read_strips<S: NumberSource>(
+    job: &ReadJob<'_>,
     source: &mut S,
     length: u64,
     kind: Type,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) -> Result<(), Error> {
     let (mut a, mut b, mut in_strip) = (0, 0, 0_u64);
     for _ in 0..length {
@@ -486,8 +437,8 @@ fn read_strips<S: Source>(
 }
 
 /// The first three numbers of a list of color values; a short one has zeros.
-fn listed_color<S: Source>(
-    job: &mut Job<'_>,
+fn listed_color<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
     count: Type,
     item: Type,
@@ -500,12 +451,12 @@ fn listed_color<S: Source>(
     Ok(color)
 }
 
-fn read_vertices<S: Source>(
-    job: &mut Job<'_>,
+fn read_vertices<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
     element: &Element,
     columns: &VertexColumns,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) -> Result<(), Error> {
     sink.reserve_vertices(
         element.count as usize,

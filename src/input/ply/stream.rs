@@ -1,12 +1,13 @@
 //! Binary PLY piece by piece. Rows of vertices have one size; rows of faces are read one after the other.
 
 use super::columns::{ColorColumns, Role, VertexColumns};
-use super::header::{Element, Encoding, Header, Property, Type};
-use super::rows::{self, Binary, Source};
-use super::{Sink, fixed};
+use super::header::{Element, Encoding, PlyHeader, Property, Type};
+use super::numbers;
+use super::rows::{self, Binary, NumberSource};
+use super::{ReadParts, fixed};
 use crate::input::assemble::{Coordinates, normalize};
 use crate::input::color::{ColorRange, ColorSink};
-use crate::input::job::Job;
+use crate::input::job::ReadJob;
 use crate::input::polygon::FaceList;
 use crate::input::stream::{RowFile, StreamedModel, boxed};
 use crate::input::{Error, Format, Options, Warning};
@@ -59,11 +60,11 @@ struct FaceRows {
 /// # Errors
 /// The header is damaged.
 pub(in crate::input) fn open_stream(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     file: RowFile,
     head: &[u8],
 ) -> Result<Option<StreamedModel>, Error> {
-    let header = Header::parse(job, head)?;
+    let header = PlyHeader::parse(job, head)?;
     let Some(plan) = plan(&header) else {
         return Ok(None);
     };
@@ -108,7 +109,7 @@ struct StreamPlan {
 }
 
 /// Finds the elements; `None` where something must be read that is no piece of a stream.
-fn plan(header: &Header) -> Option<StreamPlan> {
+fn plan(header: &PlyHeader) -> Option<StreamPlan> {
     if header.encoding == Encoding::Ascii {
         return None;
     }
@@ -183,8 +184,8 @@ impl<const BIG: bool> PlyStream<BIG> {
         }
     }
 
-    fn sink(&self) -> Sink {
-        Sink {
+    fn sink(&self) -> ReadParts {
+        ReadParts {
             coordinates: Coordinates::Double(Vec::new()),
             normals: Vec::new(),
             colors: ColorSink::new([ColorRange::BYTE; 3]),
@@ -226,7 +227,7 @@ impl<const BIG: bool> PlyStream<BIG> {
         faces: &FaceRows,
         at: u64,
         count: u64,
-        sink: &mut Sink,
+        sink: &mut ReadParts,
     ) -> Result<Option<u64>, Error> {
         let Role::Faces(columns) = faces.element.role else {
             return Ok(None);
@@ -243,7 +244,7 @@ impl<const BIG: bool> PlyStream<BIG> {
             count,
             ..faces.element.clone()
         };
-        let job = Job::new(&self.rows.file.path, None, &self.rows.options, &Silent);
+        let job = ReadJob::new(&self.rows.file.path, None, &self.rows.options, &Silent);
         let read = fixed::read::<BIG>(&job, &data, &element, sink)?;
         Ok(read.map(|read| at + read as u64))
     }
@@ -254,7 +255,7 @@ impl<const BIG: bool> PlyStream<BIG> {
         faces: &FaceRows,
         at: u64,
         left: u64,
-        sink: &mut Sink,
+        sink: &mut ReadParts,
     ) -> Result<FaceProgress, Error> {
         let mut wanted = FACE_BYTES;
         loop {
@@ -275,7 +276,7 @@ impl<const BIG: bool> PlyStream<BIG> {
                 },
                 ..faces.element.clone()
             };
-            let mut job = Job::new(&self.rows.file.path, None, &self.rows.options, &Silent);
+            let mut job = ReadJob::new(&self.rows.file.path, None, &self.rows.options, &Silent);
             let mut source = Binary::<BIG>::new(&data, 0).behind(at);
             rows::read(&mut job, &mut source, &element, sink)?;
             let sink_list = std::mem::take(&mut sink.list);
@@ -288,7 +289,7 @@ impl<const BIG: bool> PlyStream<BIG> {
     }
 
     /// Cuts the polygons of a piece.
-    fn cut(&self, job: &mut Job<'_>, mut list: FaceList) -> Result<FaceList, Error> {
+    fn cut(&self, job: &mut ReadJob<'_>, mut list: FaceList) -> Result<FaceList, Error> {
         if list.polygons.faces().next().is_none() {
             return Ok(list);
         }
@@ -351,7 +352,7 @@ fn whole_rows<const BIG: bool>(data: &[u8], element: &Element) -> u64 {
                         break;
                     };
                     // A length that is none is left to the reader. The cast saturates.
-                    let length = rows::decode::<BIG>(bytes, count).max(0.0) as usize;
+                    let length = numbers::decode::<BIG>(bytes, count).max(0.0) as usize;
                     at = at
                         .saturating_add(count.size())
                         .saturating_add(length.saturating_mul(item.size()));

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::super::assemble::Raw;
 use super::super::color::ColorRange;
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::part::PartFate;
 use super::super::text::shown;
 use super::super::{Error, Format, Place, Warning};
@@ -90,7 +90,7 @@ struct ScanBlock {
 }
 
 /// Reads an E57 file.
-pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
     check_header(job, data)?;
     let open = || E57Reader::new(Cursor::new(data)).map_err(|error| error.to_string());
     let reader = guarded(open).map_err(|reason| job.syntax(Place::Byte(0), short(&reason)))?;
@@ -160,7 +160,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
 }
 
 /// Holds the lengths in the header against the file: memory for the description is asked for by them.
-fn check_header(job: &Job<'_>, data: &[u8]) -> Result<(), Error> {
+fn check_header(job: &ReadJob<'_>, data: &[u8]) -> Result<(), Error> {
     let number = |at| u64::from_le_bytes(bytes_at(data, at));
     let (xml_at, xml_bytes) = (number(24), number(32));
     let end = xml_at.checked_add(xml_bytes);
@@ -177,7 +177,7 @@ fn short(reason: &str) -> String {
     line.chars().take(200).collect()
 }
 
-fn list_others(job: &mut Job<'_>, reader: &E57Reader<Cursor<&[u8]>>) {
+fn list_others(job: &mut ReadJob<'_>, reader: &E57Reader<Cursor<&[u8]>>) {
     let images = reader.images().len() as u64;
     job.inventory
         .add_some("pictures", images, PartFate::Unneeded, "");

@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 use super::super::assemble::{Coordinates, Raw};
 use super::super::color::{ColorRange, ColorSink};
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::polygon::PolygonRuns;
-use super::super::{Counts, Error, Warning};
+use super::super::{Error, FileCounts, Warning};
 use super::keep_attributes;
 use crate::mesh::attributes::{AttributeColumn, AttributeValues, NumberType};
 
@@ -63,7 +63,7 @@ impl CloudSink {
     }
 
     /// Says what was found, and gives the cloud to the last step.
-    pub(super) fn finish(mut self, job: &mut Job<'_>) -> Result<Raw, Error> {
+    pub(super) fn finish(mut self, job: &mut ReadJob<'_>) -> Result<Raw, Error> {
         job.check_vertices(self.positions.len() as u64)?;
         if self.positions.is_empty() {
             return Err(job.empty("the file has no points"));
@@ -92,7 +92,7 @@ impl CloudSink {
             colors: self.colors.colors,
             triangles: Vec::new(),
             polygons: PolygonRuns::default(),
-            counts: Counts {
+            counts: FileCounts {
                 vertices: self.points,
                 faces,
             },

@@ -7,7 +7,8 @@ use crate::abi::FilteredSplat;
 use crate::math::camera::Light;
 use crate::pack::filtered::patch::Patch;
 use crate::pack::filtered::{
-    Eye, LEAST_EXTENT_PX, MARGIN_PX, OFFSET_OF_BEND, OFFSET_OF_NEIGHBORS, OFFSET_OF_THICKNESS,
+    FilteredEye, LEAST_EXTENT_PX, MARGIN_PX, OFFSET_OF_BEND, OFFSET_OF_NEIGHBORS,
+    OFFSET_OF_THICKNESS,
 };
 use crate::pack::splats::pixels_of_unit;
 use crate::pack::{ALBEDO, ColorBy, falsecolor};
@@ -68,7 +69,7 @@ pub(super) enum Normals {
 
 /// Four patches.
 #[derive(Clone, Copy)]
-pub(super) struct Four {
+pub(super) struct FourPatches {
     pub(super) center: Vectors,
     pub(super) area: Vec4,
     pub(super) vector_area: Vectors,
@@ -97,7 +98,7 @@ fn halves(words: Vec4) -> [Vec4; 2] {
     ]
 }
 
-impl Four {
+impl FourPatches {
     /// Nodes; see [`Patch::of_node`].
     #[inline]
     pub(super) fn of_nodes(model: &Model, ids: [u32; 4]) -> Self {
@@ -209,7 +210,7 @@ impl Slope {
     /// Slope of the line through the colors of the `lanes` of four parts of a node that has the least squares, each counting
     /// as much as is seen of it (`weight`). None where they are not spread along the node's strip.
     pub(super) fn new(
-        (four, lanes): (&Four, u32),
+        (four, lanes): (&FourPatches, u32),
         weight: Vec4,
         colors: &Vectors,
         node: &Node,
@@ -243,7 +244,7 @@ impl Slope {
 
     /// The colors at the centers of `four`, where they are `mean` at `middle`.
     #[inline]
-    pub(super) fn from(&self, mean: &Vectors, middle: Vectors, four: &Four) -> Vectors {
+    pub(super) fn from(&self, mean: &Vectors, middle: Vectors, four: &FourPatches) -> Vectors {
         let from = [0, 1, 2].map(|i| four.center[i] - middle[i]);
         let along = dot(&self.direction, &from);
         [0, 1, 2].map(|i| {
@@ -255,7 +256,7 @@ impl Slope {
 }
 
 /// What is seen of four patches.
-pub(super) struct Seen {
+pub(super) struct SeenPatches {
     /// Toward the eye, unit vectors.
     v: Vectors,
     /// To the eye, and along the view direction, model units (1 in an orthographic view).
@@ -289,8 +290,8 @@ pub(super) struct Size {
     pub(super) is_own: bool,
 }
 
-impl Eye<'_> {
-    pub(super) fn seen(&self, four: &Four) -> Seen {
+impl FilteredEye<'_> {
+    pub(super) fn seen(&self, four: &FourPatches) -> SeenPatches {
         let view = self.view;
         let (w, z) = if view.is_perspective {
             // Both in model units: the scale of the view cancels in the projected area.
@@ -338,7 +339,7 @@ impl Eye<'_> {
             & four.area.cmpgt(Vec4::ZERO)
             & z.cmpgt(Vec4::ZERO)
             & distance.cmpgt(Vec4::ZERO);
-        Seen {
+        SeenPatches {
             v,
             distance,
             z,
@@ -362,7 +363,7 @@ impl Eye<'_> {
 
     /// Colors in the headlight.
     #[inline]
-    pub(super) fn lit(&self, four: &Four, seen: &Seen) -> Vectors {
+    pub(super) fn lit(&self, four: &FourPatches, seen: &SeenPatches) -> Vectors {
         let value = seen.lambert * ALBEDO;
         match self.shade.color_by {
             ColorBy::Primitive => [1.0, 0.2, 0.2].map(|c| (value * c).min(Vec4::ONE)),
@@ -403,7 +404,7 @@ impl Eye<'_> {
     #[inline]
     pub(super) fn splats(
         &self,
-        (four, seen, count): (&Four, &Seen, usize),
+        (four, seen, count): (&FourPatches, &SeenPatches, usize),
         size: &Size,
         colors: &Vectors,
         patch: impl Fn(usize) -> Patch,
@@ -506,7 +507,7 @@ impl Eye<'_> {
 /// it, and their thickness along the ray; at most what a sphere of that radius takes, which a triangle has that is
 /// drawn as one large splat.
 #[inline]
-fn depth_reach(four: &Four, half: Vec4, facing: Vec4, is_own: bool) -> Vec4 {
+fn depth_reach(four: &FourPatches, half: Vec4, facing: Vec4, is_own: bool) -> Vec4 {
     if is_own {
         return half / facing.max(Vec4::splat(LEAST_FACING_OF_OWN));
     }

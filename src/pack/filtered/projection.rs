@@ -56,7 +56,7 @@ pub(super) struct Projection {
 }
 
 /// Four centers in the picture.
-pub(super) struct Places {
+pub(super) struct FourPlaces {
     pub(super) window_px: [Vec4; 2],
     /// Reversed depth, 0..=1.
     pub(super) depth: Vec4,
@@ -90,7 +90,7 @@ impl Projection {
 
     /// Of centers in model space that the first pass pushes away by `offset`, model units.
     #[inline]
-    pub(super) fn places(&self, centers: &Vectors, offset: Vec4) -> Places {
+    pub(super) fn places(&self, centers: &Vectors, offset: Vec4) -> FourPlaces {
         let [x, y, z] = self
             .rows
             .each_ref()
@@ -122,7 +122,7 @@ impl Projection {
         let is_between = clip_z.cmpge(Vec4::ZERO) & clip_z.cmple(w) & w.cmpgt(Vec4::ZERO);
         // What cannot be pushed (an infinite offset) hides nothing; it is drawn still.
         let hides = pushed_depth.cmpgt(Vec4::ZERO);
-        Places {
+        FourPlaces {
             window_px,
             depth: clip_z / w,
             pushed_depth: Vec4::select(hides, pushed_depth.min(Vec4::ONE), Vec4::ZERO),

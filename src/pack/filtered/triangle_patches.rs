@@ -4,7 +4,7 @@ use crate::abi::Vertex;
 use crate::math::octahedral;
 use crate::pack::filtered::patch::{Corner, Patch, mean_color};
 use crate::pack::filtered::patch_x4::{
-    Four, Normals, Vectors, cross, dot, inverse_or_zero, scaled, vectors,
+    FourPatches, Normals, Vectors, cross, dot, inverse_or_zero, scaled, vectors,
 };
 use crate::tree::{Model, ModelTextures};
 use glam::{Vec3, Vec4};
@@ -35,7 +35,7 @@ fn normalized(v: &Vectors) -> Vectors {
     scaled(v, inverse_or_zero(dot(v, v).sqrt()))
 }
 
-impl Four {
+impl FourPatches {
     /// As [`Patch::of_triangle`] has them.
     #[inline]
     pub(super) fn of_triangles(triangles: [&Triangle; 4]) -> Self {
@@ -169,7 +169,7 @@ mod tests {
                 without_normals(any(4 * i + 2)),
                 line,
             ];
-            let four = Four::of_triangles(triangles.each_ref());
+            let four = FourPatches::of_triangles(triangles.each_ref());
             let Normals::One(normals) = &four.normals else {
                 panic!("triangles have one normal");
             };

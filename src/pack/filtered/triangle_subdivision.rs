@@ -31,7 +31,7 @@ pub struct FirstLarge {
 
 /// Which triangles are drawn as splats.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Taken {
+struct TakenTriangles {
     /// The largest of them, pixels.
     largest_px: f32,
     /// The largest that is drawn in pieces.
@@ -69,7 +69,7 @@ pub(super) fn diameter_px(model: &Model, leaf: u32, view: &View) -> f32 {
 
 /// Which triangles of a cut are drawn as splats, of which there are `own` without them: all of them where `splats_only` says
 /// so; else those that are small, if nearly all are; and what is left as well, if that is no more splats than the others.
-fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Taken {
+fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> TakenTriangles {
     let count = |&leaf: &u32| {
         let px = diameter_px(model, leaf, view);
         let is_large = usize::from(px > LARGEST_PX);
@@ -88,7 +88,7 @@ fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Ta
         (a.0 + b.0, a.1 + b.1, [a.2[0] + b.2[0], a.2[1] + b.2[1]])
     });
     if shade.splats_only {
-        return Taken {
+        return TakenTriangles {
             largest_px: f32::INFINITY,
             halved_px: LARGEST_PX,
             splats: within + beyond,
@@ -96,14 +96,14 @@ fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Ta
         };
     }
     let some = if small as f32 >= LEAST_SMALL * all as f32 {
-        Taken {
+        TakenTriangles {
             largest_px: LARGEST_PX,
             halved_px: LARGEST_PX,
             splats: within,
             left: large,
         }
     } else {
-        Taken {
+        TakenTriangles {
             largest_px: 0.0,
             halved_px: LARGEST_PX,
             splats: 0,
@@ -113,7 +113,7 @@ fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Ta
     let rest = within + beyond - some.splats;
     // A few among splats are less exact than splats of their size.
     if rest <= own + some.splats {
-        return Taken {
+        return TakenTriangles {
             largest_px: f32::INFINITY,
             halved_px: f32::INFINITY,
             splats: within + beyond,

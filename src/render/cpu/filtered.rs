@@ -17,7 +17,7 @@ mod splat_block;
 #[cfg(test)]
 mod tests;
 
-pub use crate::render::cpu::triangles::{Light, MeshVertices, Triangles};
+pub use crate::render::cpu::triangles::{FrameLight, MeshVertices, Triangles};
 
 use crate::abi::FilteredSplat;
 use crate::pack::filtered::ScreenGroups;
@@ -30,14 +30,14 @@ const BAND_PX: u32 = 32;
 
 /// The part of a picture that is drawn in, and what of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Canvas {
+pub struct PictureArea {
     /// Left, top, and one past right and bottom, pixels.
     pub rect_px: [u32; 4],
     /// Red, green and blue are the same in every splat.
     pub is_gray: bool,
 }
 
-impl Canvas {
+impl PictureArea {
     pub(crate) fn width(&self) -> usize {
         (self.rect_px[2] - self.rect_px[0]) as usize
     }
@@ -54,7 +54,7 @@ impl Canvas {
 }
 
 /// One band of the picture.
-pub(crate) struct Band<'a> {
+pub(crate) struct FilteredBand<'a> {
     /// First row and one past the last.
     pub(crate) rows: [u32; 2],
     pub(crate) front: &'a mut [u32],
@@ -82,17 +82,22 @@ pub struct List<'a> {
 }
 
 /// Draws a list. `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the
-/// first so many words, see [`Canvas::pixels`] and [`Canvas::words`].
+/// first so many words, see [`PictureArea::pixels`] and [`PictureArea::words`].
 ///
 /// # Panics
 /// When `front` or `sums` is shorter than that, or `groups` are of another list; when triangles were
 /// set up for another part of the picture.
-pub fn draw(list: List<'_>, canvas: Canvas, front: &mut [u32], sums: &mut [u64]) {
+pub fn draw(list: List<'_>, canvas: PictureArea, front: &mut [u32], sums: &mut [u64]) {
     draw_by(Level::new(), list, canvas, (front, sums));
 }
 
 /// The same by vectors of a level.
-fn draw_by(level: Level, list: List<'_>, canvas: Canvas, (front, sums): (&mut [u32], &mut [u64])) {
+fn draw_by(
+    level: Level,
+    list: List<'_>,
+    canvas: PictureArea,
+    (front, sums): (&mut [u32], &mut [u64]),
+) {
     assert!(
         list.triangles.are_within(canvas.rect_px),
         "they are of another part"
@@ -110,7 +115,11 @@ fn draw_by(level: Level, list: List<'_>, canvas: Canvas, (front, sums): (&mut [u
 }
 
 /// The bands of a canvas, which begin at whole multiples of their height.
-fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) -> Vec<Band<'a>> {
+fn bands<'a>(
+    canvas: PictureArea,
+    mut front: &'a mut [u32],
+    mut sums: &'a mut [u64],
+) -> Vec<FilteredBand<'a>> {
     let [_, top, _, bottom] = canvas.rect_px;
     let mut bands = Vec::new();
     let mut first = top;
@@ -121,7 +130,7 @@ fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) 
         (own, front) = front.split_at_mut(pixels);
         let own_sums;
         (own_sums, sums) = sums.split_at_mut(pixels * canvas.words());
-        bands.push(Band {
+        bands.push(FilteredBand {
             rows: [first, end],
             front: own,
             sums: own_sums,
@@ -135,8 +144,8 @@ fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) 
 fn draw_band<S: Simd, const GRAY: bool>(
     simd: S,
     list: &List<'_>,
-    canvas: &Canvas,
-    band: &mut Band<'_>,
+    canvas: &PictureArea,
+    band: &mut FilteredBand<'_>,
 ) {
     band.front.fill(0);
     band.sums.fill(0);

@@ -20,9 +20,9 @@ mod surface_pass;
 mod triangles;
 mod viewport;
 
-pub use crate::render::cpu::opaque::bands::Places;
-pub use crate::render::cpu::opaque::framebuffer::Picture;
-pub use crate::render::cpu::opaque::headlight::Light;
+pub use crate::render::cpu::opaque::bands::SplatPlaces;
+pub use crate::render::cpu::opaque::framebuffer::ShownRectangle;
+pub use crate::render::cpu::opaque::headlight::FrameHeadlight;
 pub(crate) use crate::render::cpu::opaque::surface_pass::{
     SurfaceList, SurfacePlanes, draw_surfaces,
 };
@@ -35,7 +35,7 @@ use crate::math::camera::View;
 use crate::pack::Footprint;
 use crate::pack::parallel;
 use crate::pack::splats;
-use crate::pack::splats::{Part, Plan, Writer};
+use crate::pack::splats::{PackedPart, SplatPlan, Writer};
 use crate::render::cpu::opaque::bands::{Known, SPLAT_BIT, draw_by};
 use crate::render::cpu::opaque::deferred_shading::WrittenPart;
 use crate::tree::Model;
@@ -43,7 +43,7 @@ use fearless_simd::Level;
 
 /// The shape of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Look {
+pub struct SplatShape {
     /// Shape on the picture.
     pub footprint: Footprint,
     /// None has a radius of its own.
@@ -54,9 +54,9 @@ pub struct Look {
 #[derive(Clone, Copy)]
 pub(super) enum Source<'a> {
     /// Of a cut of a mesh; none has a radius of its own. What they look like is not asked for.
-    Cut(&'a Model, &'a ZeroAreaSet, Part<'a>),
+    Cut(&'a Model, &'a ZeroAreaSet, PackedPart<'a>),
     /// The same, with what they look like.
-    Surface(&'a Writer<'a>, Part<'a>),
+    Surface(&'a Writer<'a>, PackedPart<'a>),
     /// Splats that are written already.
     List(&'a [Splat]),
     /// Splats that are written already. What they look like is not asked for.
@@ -64,7 +64,7 @@ pub(super) enum Source<'a> {
 }
 
 /// Where a frame is drawn, and how it is lit.
-pub type Frame<'a> = (&'a Screen, &'a Light);
+pub type Frame<'a> = (&'a Screen, &'a FrameHeadlight);
 
 /// Draws a list, whose last `samples` splats are squares of a pixel and whose others look like `look`. The picture
 /// becomes that, whatever it held: its first pixels, see [`Screen::pixels`].
@@ -73,10 +73,10 @@ pub type Frame<'a> = (&'a Screen, &'a Light);
 /// When the picture has fewer, or the list has fewer splats than `samples`.
 pub fn draw(
     splats: &[Splat],
-    (look, samples): (Look, usize),
+    (look, samples): (SplatShape, usize),
     frame: Frame<'_>,
-    places: &mut Places,
-    picture: Picture<'_>,
+    places: &mut SplatPlaces,
+    picture: ShownRectangle<'_>,
 ) {
     let (own, sampled) = splats.split_at(splats.len() - samples);
     let own = own.chunks(parallel::PART);
@@ -104,7 +104,7 @@ pub struct Splats<'a> {
     /// What is seen of them.
     pub view: &'a View,
     /// How splats would be written: squares or circles, since discs in the plane of the surface have sizes of their own.
-    pub plan: &'a Plan,
+    pub plan: &'a SplatPlan,
     /// Most of them are seen, as what is hidden was left out: then they are shaded while they are looked at, and else
     /// what is seen once that is known.
     pub are_seen: bool,
@@ -119,8 +119,8 @@ pub fn draw_cut(
     splats: Splats<'_>,
     samples: &[Splat],
     frame: Frame<'_>,
-    places: &mut Places,
-    picture: Picture<'_>,
+    places: &mut SplatPlaces,
+    picture: ShownRectangle<'_>,
 ) {
     draw_cut_by(Level::new(), splats, samples, frame, (places, picture));
 }
@@ -130,7 +130,7 @@ fn draw_cut_by(
     splats: Splats<'_>,
     samples: &[Splat],
     frame: Frame<'_>,
-    (places, mut picture): (&mut Places, Picture<'_>),
+    (places, mut picture): (&mut SplatPlaces, ShownRectangle<'_>),
 ) {
     let Splats {
         meshes,
@@ -138,7 +138,7 @@ fn draw_cut_by(
         plan,
         are_seen,
     } = splats;
-    let look = Look {
+    let look = SplatShape {
         footprint: plan.footprint,
         has_one_size: true,
     };
@@ -177,7 +177,7 @@ fn draw_cut_by(
 }
 
 /// Numbers become colors: those of as many splats.
-fn paint(screen: &Screen, count: usize, places: &Places, picture: Picture<'_>) {
+fn paint(screen: &Screen, count: usize, places: &SplatPlaces, picture: ShownRectangle<'_>) {
     let colors = &places.pixels.colors()[..count];
     let width = screen.width().max(1);
     parallel::share(count, picture.bands(screen), |mut band| {

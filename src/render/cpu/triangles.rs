@@ -16,7 +16,7 @@ use crate::abi::constants::{
 use crate::pack::small_triangles::{CornerScreen, PlacedCorner};
 use crate::pack::{ALBEDO, parallel};
 use crate::render::cpu::clip;
-use crate::render::cpu::filtered::{Band, Canvas};
+use crate::render::cpu::filtered::{FilteredBand, PictureArea};
 use crate::render::cpu::frame_shading::{
     FrameShading, ShadedPoint, TRIANGLE_TINT, TrianglePoint, unit_or_zero,
 };
@@ -37,7 +37,7 @@ const AHEAD: usize = 2 * parallel::AHEAD;
 
 /// The light of a frame, and where the device places corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Light {
+pub struct FrameLight {
     screen: CornerScreen,
     shading: FrameShading,
     /// From model to view space.
@@ -52,7 +52,7 @@ pub struct Light {
     pub(super) has_colors: bool,
 }
 
-impl Light {
+impl FrameLight {
     /// Light of a frame; none where it shows data, or has a lamp, which is the device's.
     pub fn new(frame: &FrameConstants, screen: CornerScreen) -> Option<Self> {
         let light = Self::of_frame(frame, screen);
@@ -95,7 +95,7 @@ pub(super) struct Face {
     corners: [u32; 3],
     /// Pixels that it may cover: left, top, and one past right and bottom.
     pub(super) pixels: [u32; 4],
-    /// Index into [`Part::clipped`] of a piece of a clipped triangle; else [`WHOLE_TRIANGLE`].
+    /// Index into [`FacePart::clipped`] of a piece of a clipped triangle; else [`WHOLE_TRIANGLE`].
     clipped: u32,
 }
 
@@ -108,7 +108,7 @@ pub type MeshVertices<'a> = &'a [SurfaceMesh<'a>];
 /// A triangle with the part that it is of, and its number among those of all parts.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NumberedFace<'a> {
-    pub(super) part: &'a Part,
+    pub(super) part: &'a FacePart,
     pub(super) face: &'a Face,
     pub(super) number: u32,
 }
@@ -117,13 +117,13 @@ pub(super) struct NumberedFace<'a> {
 #[derive(Debug, Default)]
 pub struct Triangles {
     /// None where there are no triangles, or others are the device's.
-    light: Option<Light>,
-    parts: Vec<Part>,
+    light: Option<FrameLight>,
+    parts: Vec<FacePart>,
 }
 
 /// What one thread sets up.
 #[derive(Debug, Default)]
-pub(super) struct Part {
+pub(super) struct FacePart {
     /// Number of the first among those of all parts.
     first: u32,
     /// Index of the mesh that they are of.
@@ -137,15 +137,15 @@ pub(super) struct Part {
 
 impl Triangles {
     /// Becomes those with these ids in the light of a frame, clipped to what the frame can show. Without a light, of which
-    /// [`Light::new`] has none, it says so and becomes none, unless there are none.
+    /// [`FrameLight::new`] has none, it says so and becomes none, unless there are none.
     #[must_use]
-    pub fn set(&mut self, model: &Model, ids: &[u32], light: Option<Light>) -> bool {
+    pub fn set(&mut self, model: &Model, ids: &[u32], light: Option<FrameLight>) -> bool {
         self.set_all(&[(model, ids)], light)
     }
 
     /// As [`Triangles::set`], of several models; a triangle belongs to the mesh of its model's index.
     #[must_use]
-    pub fn set_all(&mut self, drawn: &[(&Model, &[u32])], light: Option<Light>) -> bool {
+    pub fn set_all(&mut self, drawn: &[(&Model, &[u32])], light: Option<FrameLight>) -> bool {
         self.light = light;
         let count = drawn.iter().map(|(_, ids)| ids.len()).sum();
         let Some(light) = &self.light else {
@@ -157,7 +157,7 @@ impl Triangles {
             chunks.map(move |ids| (mesh, model, ids))
         });
         let chunks: Vec<(usize, &Model, &[u32])> = chunks.collect();
-        self.parts.resize_with(chunks.len(), Part::default);
+        self.parts.resize_with(chunks.len(), FacePart::default);
         let jobs = chunks.into_iter().zip(&mut self.parts);
         parallel::share(count, jobs, |((mesh, model, ids), part)| {
             part.mesh = mesh;
@@ -203,12 +203,12 @@ impl Triangles {
     }
 
     /// The light that they are in; none where there are none.
-    pub(super) fn light(&self) -> Option<&Light> {
+    pub(super) fn light(&self) -> Option<&FrameLight> {
         self.light.as_ref()
     }
 
     /// Leaves their depths in the pixels that they cover.
-    pub(super) fn leave_depths(&self, canvas: &Canvas, band: &mut Band<'_>) {
+    pub(super) fn leave_depths(&self, canvas: &PictureArea, band: &mut FilteredBand<'_>) {
         for NumberedFace { face, .. } in self.near(band.rows) {
             face.for_each_pixel(band.rows, |[x, y], weights| {
                 let depth = face.depth_at(weights).to_bits();
@@ -219,7 +219,12 @@ impl Triangles {
     }
 
     /// Adds their shades with weight 1 where nothing hides them.
-    pub(super) fn blend(&self, meshes: MeshVertices<'_>, canvas: &Canvas, band: &mut Band<'_>) {
+    pub(super) fn blend(
+        &self,
+        meshes: MeshVertices<'_>,
+        canvas: &PictureArea,
+        band: &mut FilteredBand<'_>,
+    ) {
         let Some(light) = &self.light else { return };
         for NumberedFace { part, face, .. } in self.near(band.rows) {
             // Most are hidden, or share what they are like with no other pixel.
@@ -257,7 +262,7 @@ fn in_steps(value: f32) -> u64 {
     u64::from((value * COARSE_STEPS + 0.5) as u32)
 }
 
-impl Canvas {
+impl PictureArea {
     /// Where a pixel lies in a band that begins at a row.
     pub(super) fn index(&self, [first, _]: [u32; 2], [x, y]: [u32; 2]) -> usize {
         (y - first) as usize * self.width() + (x - self.rect_px[0]) as usize
@@ -379,9 +384,9 @@ impl SurfacePlace {
     }
 }
 
-impl Light {
+impl FrameLight {
     /// Fills a part with those of these triangles that may cover a pixel.
-    fn fill(&self, part: &mut Part, model: &Model, ids: &[u32]) {
+    fn fill(&self, part: &mut FacePart, model: &Model, ids: &[u32]) {
         part.faces.clear();
         part.clipped.clear();
         for (index, &id) in ids.iter().enumerate() {
@@ -411,7 +416,7 @@ impl Light {
 
     /// Adds the pieces of a triangle that are between the near and the far plane and within reach of whole steps.
     #[cold]
-    fn add_clipped(&self, part: &mut Part, corners: [u32; 3], positions: [Vec3; 3]) {
+    fn add_clipped(&self, part: &mut FacePart, corners: [u32; 3], positions: [Vec3; 3]) {
         let clip = positions.map(|position| self.screen.clip(position));
         let polygon = clip::clipped(clip, self.screen.viewport_px());
         for pieces in 1..polygon.len().max(2) - 1 {

@@ -6,7 +6,7 @@ use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
 use crate::pack::lit_sphere::SphereLights;
-use crate::pack::{ColorBy, Lighting, Phong, Source, Style, falsecolor};
+use crate::pack::{ColorBy, LampSource, Lighting, Phong, Style, falsecolor};
 use crate::render::reference::bands::ShownPixel;
 use glam::{DMat3, DQuat, DVec3, DVec4, Vec3};
 
@@ -56,7 +56,7 @@ impl SurfacePoint {
 /// The constants of shading. Everything is in model space, whose axes are those of the world.
 pub(super) struct SurfaceShading {
     /// The headlight, or the lamp.
-    light: Source,
+    light: LampSource,
     /// What surfaces make of the lamp; none with the headlight.
     phong: Option<Phong>,
     /// Lights that go with the camera.
@@ -64,7 +64,7 @@ pub(super) struct SurfaceShading {
     /// View space from model space, of directions.
     turn: DMat3,
     /// Where the eye is, or the direction to it in an orthographic view.
-    eye: Source,
+    eye: LampSource,
     /// What faces away is culled, so every normal counts as one that faces the eye.
     culls_back: bool,
     two_sided: bool,
@@ -79,9 +79,9 @@ pub(super) struct SurfaceShading {
 
 impl SurfaceShading {
     pub(super) fn new(view: &View, style: &Style) -> Self {
-        let backward = Source::Direction(view.backward.as_dvec3());
+        let backward = LampSource::Direction(view.backward.as_dvec3());
         let eye = if view.is_perspective {
-            Source::Point(view.eye.as_dvec3())
+            LampSource::Point(view.eye.as_dvec3())
         } else {
             backward
         };
@@ -261,10 +261,10 @@ impl SurfaceShading {
 }
 
 /// Unit vector from a position to a source; zero in the source itself.
-fn toward(source: Source, position: DVec3) -> DVec3 {
+fn toward(source: LampSource, position: DVec3) -> DVec3 {
     match source {
-        Source::Point(point) => (point - position).normalize_or_zero(),
-        Source::Direction(direction) => direction,
+        LampSource::Point(point) => (point - position).normalize_or_zero(),
+        LampSource::Direction(direction) => direction,
     }
 }
 

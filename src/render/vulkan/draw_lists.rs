@@ -55,7 +55,7 @@ pub(super) struct PackedFrame {
     /// How many of them are triangles that cover one pixel.
     pub(super) samples: usize,
     /// Where compute draws fuzzy splats, what of them is where; then nothing is in `packed`.
-    pub(super) placed: Option<fuzzy::Placed>,
+    pub(super) placed: Option<fuzzy::PlacedFuzzy>,
     /// Records of the list of splats, with gaps.
     pub(super) capacity: usize,
     pub(super) splat_bytes: u64,
@@ -410,7 +410,7 @@ struct WrittenSplats {
     packed: Packed,
     /// Where triangles that cover one pixel became splats, how many did.
     samples: Option<usize>,
-    placed: Option<fuzzy::Placed>,
+    placed: Option<fuzzy::PlacedFuzzy>,
     /// Records, with gaps.
     capacity: usize,
     record_bytes: usize,
@@ -444,7 +444,7 @@ fn pack_parts<R: splats::Record + Copy + Send>(
     parts: DrawnParts<'_>,
     cuts: &PartCuts,
     view: &View,
-    plan: &splats::Plan,
+    plan: &splats::SplatPlan,
     out: &mut [R],
 ) -> Packed {
     let mut packed = Packed::default();

@@ -235,7 +235,7 @@ mod tests {
     use crate::gpu::frame::FrameRing;
     use crate::math::camera::View;
     use crate::pack::splats;
-    use crate::pack::splats::Plan;
+    use crate::pack::splats::SplatPlan;
     use crate::pack::{Footprint, ids};
     use crate::progress::Silent;
     use crate::render::Settings;
@@ -297,7 +297,7 @@ mod tests {
     /// The words that the host writes, likewise.
     fn written<R: splats::Record + bytemuck::Pod + Send>(
         (model, cut): (&Model, &Cut),
-        (view, plan): (&View, &Plan),
+        (view, plan): (&View, &SplatPlan),
     ) -> (Vec<u32>, Packed) {
         let mut records = vec![R::zeroed(); splats::count(cut, plan)];
         let packed = splats::pack(model, cut, view, plan, &mut records);
@@ -332,7 +332,7 @@ mod tests {
                     (5.0, Footprint::Square, SizeMetric::Exact, true, 8.0),
                     (5.0, Footprint::Oriented, SizeMetric::Exact, true, 9.0),
                 ] {
-                    let plan = Plan {
+                    let plan = SplatPlan {
                         footprint,
                         threshold_px,
                         size,

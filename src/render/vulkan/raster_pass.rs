@@ -8,7 +8,7 @@ use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{DrawRecorder, PassBuilder, UniformBlock};
 use crate::gpu::image::DeviceImage;
 use crate::gpu::pipeline::ShaderPipeline;
-use crate::pack::fuzzy::Placed;
+use crate::pack::fuzzy::PlacedFuzzy;
 use crate::pack::splats::Packed;
 use crate::render::screen_bounds;
 use crate::render::vulkan::scene::{DeviceScene, ScenePage};
@@ -104,7 +104,7 @@ impl<'a> SplatRecords<'a> {
     }
 
     /// Records that compute leaves of such a list: points before the quads, which end it.
-    pub(crate) fn large(buffer: &'a dyn AnyBuffer, placed: Placed, capacity: usize) -> Self {
+    pub(crate) fn large(buffer: &'a dyn AnyBuffer, placed: PlacedFuzzy, capacity: usize) -> Self {
         let first_quad = capacity - placed.quads;
         Self {
             buffer,

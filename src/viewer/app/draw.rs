@@ -5,7 +5,7 @@ use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
 use crate::render::stats::KeptWork;
 use crate::render::{Method, Occlusion, Path, Settings, Shading, SplatKind};
-use crate::viewer::Error;
+use crate::viewer::ViewerError;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::control::{EyePlace, FrameWork};
 use crate::viewer::event::ViewerEvent;
@@ -81,7 +81,10 @@ impl ViewerApp {
     }
 
     /// Waits for all frames.
-    pub(in crate::viewer) fn finish(&mut self, window: Option<&glfw::Window>) -> Result<(), Error> {
+    pub(in crate::viewer) fn finish(
+        &mut self,
+        window: Option<&glfw::Window>,
+    ) -> Result<(), ViewerError> {
         let had_frames = self.screen.has_pending();
         match self.screen.finish() {
             Err(error) if way_after(&error) == RecoveryWay::NewDevice => {
@@ -177,7 +180,10 @@ impl ViewerApp {
     }
 
     /// Draws and presents a frame. Returns whether the window gave an image.
-    pub(in crate::viewer) fn draw(&mut self, window: Option<&glfw::Window>) -> Result<bool, Error> {
+    pub(in crate::viewer) fn draw(
+        &mut self,
+        window: Option<&glfw::Window>,
+    ) -> Result<bool, ViewerError> {
         match self.try_draw(window) {
             Ok(ShowOutcome::Nothing) => Ok(false),
             Ok(ShowOutcome::Again) => {
@@ -188,7 +194,7 @@ impl ViewerApp {
                 self.losses = 0;
                 Ok(true)
             }
-            Err(Error::Gpu(error)) => {
+            Err(ViewerError::Gpu(error)) => {
                 match way_after(&error) {
                     RecoveryWay::NewDevice => self.open_new_device(window, error)?,
                     RecoveryWay::End => return Err(error.into()),
@@ -203,7 +209,7 @@ impl ViewerApp {
         }
     }
 
-    fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<ShowOutcome, Error> {
+    fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<ShowOutcome, ViewerError> {
         // Where nothing covers the picture there is nothing to paint anew, only to show once more.
         let was_dirty = self.is_cover_dirty;
         self.leave_pose();
@@ -277,7 +283,10 @@ impl ViewerApp {
     }
 
     /// Draws a sample of the resting picture.
-    pub(in crate::viewer) fn smooth(&mut self, window: Option<&glfw::Window>) -> Result<(), Error> {
+    pub(in crate::viewer) fn smooth(
+        &mut self,
+        window: Option<&glfw::Window>,
+    ) -> Result<(), ViewerError> {
         let Some((settings, _)) = self.drawn_with else {
             return Ok(());
         };
@@ -336,16 +345,16 @@ impl ViewerApp {
         &mut self,
         window: Option<&glfw::Window>,
         error: gpu::Error,
-    ) -> Result<(), Error> {
+    ) -> Result<(), ViewerError> {
         self.losses += 1;
         if self.losses > MOST_LOSSES {
-            return Err(Error::DeviceGone(error));
+            return Err(ViewerError::DeviceGone(error));
         }
-        let gpu: Arc<Gpu> = Gpu::open(&self.options.gpu).map_err(Error::DeviceGone)?;
+        let gpu: Arc<Gpu> = Gpu::open(&self.options.gpu).map_err(ViewerError::DeviceGone)?;
         self.messages.push(gpu.messages().clone());
         self.screen
             .reopen(&gpu, window)
-            .map_err(Error::DeviceGone)?;
+            .map_err(ViewerError::DeviceGone)?;
         self.photographs_lost_device();
         self.is_dirty = true;
         self.warn("the device was lost; it was opened again");

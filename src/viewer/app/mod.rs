@@ -16,7 +16,7 @@ use super::control::{FrameBudget, FrameGoal};
 use super::event::KeyboardKey;
 use super::graph::TimeHistory;
 use super::input::MouseState;
-use super::loader::{LoadError, Loaded, ModelLoader, failure};
+use super::loader::{LoadError, LoadedModel, ModelLoader, failure};
 use super::measuring::MeasureTool;
 use super::notice::{NoticeList, NoticeWeight};
 use super::pace::PacedFrame;
@@ -24,7 +24,7 @@ use super::panel::PanelFacts;
 use super::recent::RecentFiles;
 use super::screen::WindowScreen;
 use super::ui::PanelInterface;
-use super::{Error, RunFigures, ViewerOptions, text};
+use super::{RunFigures, ViewerError, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
 use crate::image::MarkChoice;
 use crate::math::camera::{Camera, Light};
@@ -337,8 +337,8 @@ impl ViewerApp {
     pub(super) fn loaded(
         &mut self,
         path: &Path,
-        result: Result<Loaded, LoadError>,
-    ) -> Result<(), Error> {
+        result: Result<LoadedModel, LoadError>,
+    ) -> Result<(), ViewerError> {
         self.is_cover_dirty = true;
         let result = match result {
             // Who asked for pictures wants them of the whole model.
@@ -396,7 +396,7 @@ impl ViewerApp {
                 }
                 Ok(())
             }
-            Err(error) if self.is_unattended() => Err(Error::Open(error)),
+            Err(error) if self.is_unattended() => Err(ViewerError::Open(error)),
             Err(error) => {
                 self.warn(&failure(path, &error));
                 Ok(())
@@ -446,7 +446,7 @@ impl ViewerApp {
         path: &Path,
         is_preview: bool,
         is_reloading: bool,
-    ) -> Result<(), Error> {
+    ) -> Result<(), ViewerError> {
         // The view of a preview stays: somebody may have turned it.
         let is_expected = (self.is_preview || is_reloading) && self.path == path;
         let is_another = self.orbit.is_some() && !is_expected;

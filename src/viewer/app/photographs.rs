@@ -12,7 +12,7 @@ use crate::projective::frame_photos::{ComparedPhoto, FramePhotos};
 use crate::render::vulkan::photos::pool::PhotoPool;
 use crate::render::{PhotoDisplay, Settings};
 use crate::viewer::panel::{PhotographRow, PhotographState, PhotographWish};
-use crate::viewer::{Error, text};
+use crate::viewer::{ViewerError, text};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -125,7 +125,7 @@ impl ViewerApp {
     }
 
     /// Another model is shown: photographs are put on the first that has come, and on no other.
-    pub(super) fn photographs_of_new_model(&mut self) -> Result<(), Error> {
+    pub(super) fn photographs_of_new_model(&mut self) -> Result<(), ViewerError> {
         self.photographs = ModelPhotographs::default();
         self.screen.set_photos(None, 0)?;
         if let Some(path) = self.options.photos.scene.take() {
@@ -212,7 +212,10 @@ impl ViewerApp {
     ///
     /// # Errors
     /// When device memory runs out.
-    pub(super) fn choose_photographs(&mut self, settings: Settings) -> Result<Settings, Error> {
+    pub(super) fn choose_photographs(
+        &mut self,
+        settings: Settings,
+    ) -> Result<Settings, ViewerError> {
         if !settings.shows_photos() {
             return Ok(settings);
         }

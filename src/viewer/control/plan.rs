@@ -67,7 +67,7 @@ fn between(coarse: &TriedThreshold, fine: &TriedThreshold) -> f32 {
 
 /// How a place was drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Seen {
+pub(super) struct SeenPlace {
     place: EyePlace,
     px: f32,
     way: bool,
@@ -461,7 +461,7 @@ impl FrameBudget {
         if self.seen.len() == SEEN {
             self.seen.pop_front();
         }
-        self.seen.push_back(Seen {
+        self.seen.push_back(SeenPlace {
             place: self.place,
             px: best.px,
             way: best.way,
@@ -471,7 +471,7 @@ impl FrameBudget {
 
     /// A frame has finished: the place that it was seen from remembers what it took.
     pub(super) fn note_seen(&mut self, px: f32, work: &FrameWork, took: TimeTaken) {
-        let is_it = |seen: &&mut Seen| seen.place == work.place && seen.px == px;
+        let is_it = |seen: &&mut SeenPlace| seen.place == work.place && seen.px == px;
         if let Some(seen) = self.seen.iter_mut().rev().find(is_it) {
             let looked = (work.visited + work.counted).max(1);
             let in_vain = took.cut_ms * work.counted as f64 / looked as f64;

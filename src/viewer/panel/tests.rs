@@ -245,7 +245,7 @@ fn names_a_key(tip: &str) -> bool {
 }
 
 /// The commands of all keys.
-fn commands() -> Vec<Command> {
+fn commands() -> Vec<KeyCommand> {
     let letters = ('!'..='~').map(KeyboardKey::Char);
     let others = [
         KeyboardKey::Left,
@@ -357,27 +357,27 @@ fn what_a_click_does_a_key_does() {
             let is_a_keys = match &wish {
                 PanelWish::Command(command) => commands.contains(command),
                 PanelWish::Settings(new) if new.method != settings.method => {
-                    commands.contains(&Command::Method(new.method))
+                    commands.contains(&KeyCommand::Method(new.method))
                 }
                 PanelWish::Settings(new) if new.two_sided != settings.two_sided => {
-                    commands.contains(&Command::TwoSided)
+                    commands.contains(&KeyCommand::TwoSided)
                 }
                 PanelWish::Settings(new) if new.vertex_splats != settings.vertex_splats => {
-                    commands.contains(&Command::VertexSplats)
+                    commands.contains(&KeyCommand::VertexSplats)
                 }
                 PanelWish::Settings(new) if new.use_colors != settings.use_colors => {
-                    commands.contains(&Command::Colors)
+                    commands.contains(&KeyCommand::Colors)
                 }
                 PanelWish::Settings(new) => {
-                    new.depth_offset.is_none() && commands.contains(&Command::UsualDepthOffset)
+                    new.depth_offset.is_none() && commands.contains(&KeyCommand::UsualDepthOffset)
                 }
-                PanelWish::Light(_) => commands.contains(&Command::Light),
-                PanelWish::Normals(_) => commands.contains(&Command::Normals),
+                PanelWish::Light(_) => commands.contains(&KeyCommand::Light),
+                PanelWish::Normals(_) => commands.contains(&KeyCommand::Normals),
                 PanelWish::Show { .. }
                 | PanelWish::Photograph(_)
                 | PanelWish::RemoveMeasure(_)
                 | PanelWish::Open(_) => false,
-                PanelWish::FrameTime(_) => commands.contains(&Command::FrameTime(1)),
+                PanelWish::FrameTime(_) => commands.contains(&KeyCommand::FrameTime(1)),
             };
             assert!(
                 is_a_keys,
@@ -453,7 +453,7 @@ fn the_lamp_is_turned_on_moved_and_put_into_the_world() {
     assert_eq!(write(3, 1.0).specular, 1.0);
     assert_eq!(write(4, 100.0).shininess, 100.0);
     assert_eq!(write(4, 0.0).shininess, 1.0, "no smaller");
-    let anchor = [PanelWish::Command(Command::Lamp(
+    let anchor = [PanelWish::Command(KeyCommand::Lamp(
         crate::viewer::lamp::LampChange::Anchor,
     ))];
     let (with, stays) = ("goes with the viewer", "stays in the world");

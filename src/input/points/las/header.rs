@@ -1,6 +1,6 @@
 //! The public header of LAS and the variable records after it.
 
-use super::super::super::job::Job;
+use super::super::super::job::ReadJob;
 use super::super::super::part::PartFate;
 use super::super::super::{Error, Place};
 use super::super::{bytes_at, text_of};
@@ -70,7 +70,7 @@ fn f64_at(data: &[u8], at: usize) -> f64 {
 }
 
 impl LasHeader {
-    pub(super) fn parse(job: &mut Job<'_>, data: &[u8]) -> Result<LasHeader, Error> {
+    pub(super) fn parse(job: &mut ReadJob<'_>, data: &[u8]) -> Result<LasHeader, Error> {
         if data.len() < SMALLEST_HEADER {
             let missing = format!("a LAS header has {SMALLEST_HEADER} bytes");
             return Err(job.truncated(Place::Byte(data.len() as u64), missing));
@@ -156,7 +156,7 @@ impl LasHeader {
     }
 
     /// Walks the variable records between header and points; stops where they do not fit.
-    fn read_records(&mut self, job: &mut Job<'_>, data: &[u8], start: usize) {
+    fn read_records(&mut self, job: &mut ReadJob<'_>, data: &[u8], start: usize) {
         let mut at = start;
         for _ in 0..u32_at(data, 100).min(MOST_RECORDS) {
             let Some(head) = data[..self.points_at].get(at..at + RECORD_HEAD) else {
@@ -175,7 +175,7 @@ impl LasHeader {
     }
 
     /// Walks the extended records at the end of the file.
-    fn read_extended_records(&mut self, job: &mut Job<'_>, data: &[u8]) {
+    fn read_extended_records(&mut self, job: &mut ReadJob<'_>, data: &[u8]) {
         let Ok(mut at) = usize::try_from(u64_at(data, 235)) else {
             return;
         };
@@ -201,7 +201,7 @@ impl LasHeader {
         }
     }
 
-    fn see(&mut self, job: &mut Job<'_>, record: &VariableRecord<'_>) {
+    fn see(&mut self, job: &mut ReadJob<'_>, record: &VariableRecord<'_>) {
         let mut list = |what: &str, fate, note: String| {
             job.inventory
                 .add(what, record.body.len() as u64, fate, note);

@@ -21,10 +21,10 @@ use rayon::prelude::*;
 use self::fields::{PointLayout, RecordBlock};
 use self::header::{LasHeader, PointPacking};
 use super::super::assemble::{Coordinates, Raw, StepGrid};
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::part::PartFate;
 use super::super::polygon::PolygonRuns;
-use super::super::{Counts, Error, Format, Place, Warning};
+use super::super::{Error, FileCounts, Format, Place, Warning};
 use super::keep_attributes;
 use crate::mesh::attributes::AttributeColumn;
 
@@ -53,7 +53,7 @@ impl PointSink {
 }
 
 /// Reads a LAS or LAZ file.
-pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
     let header = LasHeader::parse(job, data)?;
     let layout = PointLayout::of(&header);
     let mut sink = PointSink {
@@ -97,7 +97,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
         colors,
         triangles: Vec::new(),
         polygons: PolygonRuns::default(),
-        counts: Counts {
+        counts: FileCounts {
             vertices: found,
             faces: 0,
         },
@@ -108,7 +108,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
 
 /// Reads points that are not packed, as many as are there.
 fn read_plain(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     header: &LasHeader,
     sink: &mut PointSink,
@@ -140,7 +140,7 @@ fn read_plain(
 }
 
 /// Colors of 8 bits. Many writers put 8-bit values into the fields of 16 bits, which the largest value tells.
-fn bytes_of_colors(job: &mut Job<'_>, colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
+fn bytes_of_colors(job: &mut ReadJob<'_>, colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
     let largest = colors
         .par_iter()
         .with_min_len(PIECE)

@@ -6,7 +6,7 @@ use super::header::{LasHeader, PointPacking};
 use super::unpack::{PackedChunks, packed_chunks};
 use super::{PIECE, byte_of_color};
 use crate::input::assemble::StepGrid;
-use crate::input::job::Job;
+use crate::input::job::ReadJob;
 use crate::input::{Error, Format, Options, Warning};
 use crate::mesh::stream::{MeshStream, StreamError, StreamFacts, TakePiece, VertexPiece};
 use crate::progress::{Progress, Silent};
@@ -36,7 +36,7 @@ struct LasStream {
 /// # Errors
 /// The header is damaged; packed points that cannot be unpacked; cancelled.
 pub(in crate::input) fn open_stream(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     file: RowFile,
     progress: &dyn Progress,
 ) -> Result<Option<StreamedModel>, Error> {
@@ -124,7 +124,7 @@ impl LasStream {
         take: &mut dyn FnMut(&RecordBlock) -> Result<(), StreamError>,
     ) -> Result<(), StreamError> {
         if let Some(packed) = &self.packed {
-            let job = Job::new(&self.file.path, None, &self.options, &Silent);
+            let job = ReadJob::new(&self.file.path, None, &self.options, &Silent);
             return packed.each(&job, &self.file, &self.layout, take);
         }
         let length = self.layout.record_bytes as u64;

@@ -9,7 +9,7 @@ use laz::record::{
 use laz::{LazItem, LazVlr};
 use rayon::prelude::*;
 
-use super::super::super::job::Job;
+use super::super::super::job::ReadJob;
 use super::super::super::stream::{RowFile, boxed};
 use super::super::super::{Error, Place};
 use super::super::guard::guarded;
@@ -51,7 +51,7 @@ struct UnpackedChunk {
 
 /// Reads packed points.
 pub(super) fn read(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     header: &LasHeader,
     sink: &mut PointSink,
@@ -104,7 +104,7 @@ fn compressor_of(record: &[u8]) -> CompressorType {
 }
 
 /// Refuses a packing whose items do not add up to the points of the header.
-fn check_items(job: &Job<'_>, header: &LasHeader, vlr: &LazVlr) -> Result<(), Error> {
+fn check_items(job: &ReadJob<'_>, header: &LasHeader, vlr: &LazVlr) -> Result<(), Error> {
     let size: u64 = vlr.items().iter().map(|item| u64::from(item.size())).sum();
     if size == header.record_bytes as u64 {
         return Ok(());
@@ -184,7 +184,7 @@ pub(super) struct PackedChunks {
 /// # Errors
 /// The record of the packing is damaged, or not that of the points.
 pub(super) fn packed_chunks(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     file: &RowFile,
     header: &LasHeader,
 ) -> Result<Option<PackedChunks>, Error> {
@@ -231,7 +231,7 @@ impl PackedChunks {
     /// A chunk that cannot be unpacked; the error of `take`.
     pub(super) fn each(
         &self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         file: &RowFile,
         layout: &PointLayout,
         take: &mut dyn FnMut(&RecordBlock) -> Result<(), StreamError>,
@@ -272,7 +272,7 @@ impl PackedChunks {
 
 /// Unpacks chunks in parallel, and keeps their order.
 fn read_chunks(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     points: &PackedPoints<'_>,
     chunks: &[LazChunk],
     sink: &mut PointSink,
@@ -315,7 +315,7 @@ fn read_chunks(
 
 /// Unpacks chunk after chunk where no table tells their ends; ends where the bytes do.
 fn read_in_order(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     points: &PackedPoints<'_>,
     header: &LasHeader,
     chunk_points: u64,

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::super::super::job::{Job, at_line};
+use super::super::super::job::{ReadJob, at_line};
 use super::super::super::text::{Scanner, parse_f64, parse_i64, shown, words};
 use super::super::super::{Error, Place};
 
@@ -51,7 +51,7 @@ pub(super) struct PcdHeader {
 }
 
 impl PcdHeader {
-    pub(super) fn parse(job: &Job<'_>, data: &[u8]) -> Result<PcdHeader, Error> {
+    pub(super) fn parse(job: &ReadJob<'_>, data: &[u8]) -> Result<PcdHeader, Error> {
         let head = &data[..data.len().min(LONGEST_HEADER)];
         let mut scanner = Scanner::new(head, 0);
         let mut header = PcdHeader {

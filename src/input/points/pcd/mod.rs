@@ -13,7 +13,7 @@ use self::header::{PcdEncoding, PcdField, PcdHeader};
 use self::lzf::unpack_lzf;
 use super::super::assemble::Raw;
 use super::super::color::ColorRange;
-use super::super::job::{Job, at_line};
+use super::super::job::{ReadJob, at_line};
 use super::super::part::PartFate;
 use super::super::text::{Scanner, parse_f64, words};
 use super::super::{Error, Format, Place, Warning};
@@ -67,7 +67,7 @@ fn decode(data: &[u8], at: usize, size: usize, letter: u8) -> f64 {
 }
 
 /// Reads a PCD file.
-pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
     let mut header = PcdHeader::parse(job, data)?;
     let mut found = header.points;
     let body: Cow<'_, [u8]> = match header.encoding {
@@ -150,7 +150,7 @@ fn drop_holes(sink: &mut CloudSink) -> u64 {
 }
 
 /// The fields as roles, and the columns that are kept.
-fn plan(job: &Job<'_>, header: &PcdHeader) -> Result<(PcdPlan, Vec<AttributeColumn>), Error> {
+fn plan(job: &ReadJob<'_>, header: &PcdHeader) -> Result<(PcdPlan, Vec<AttributeColumn>), Error> {
     let mut position = [None; 3];
     let mut normal = [None; 3];
     let mut color = [None; 3];
@@ -293,7 +293,7 @@ impl PcdPlan {
 
 /// Reads rows of text until the promised number or the end; returns how many there are.
 fn read_text(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     header: &PcdHeader,
     plan: &PcdPlan,
@@ -361,7 +361,7 @@ impl PcdPlan {
 }
 
 /// The unpacked points of `binary_compressed`: two lengths, then LZF.
-fn unpacked_body(job: &Job<'_>, data: &[u8], header: &PcdHeader) -> Result<Vec<u8>, Error> {
+fn unpacked_body(job: &ReadJob<'_>, data: &[u8], header: &PcdHeader) -> Result<Vec<u8>, Error> {
     let place = Place::Byte(header.end as u64);
     let body = &data[header.end..];
     let packed = u32::from_le_bytes(bytes_at(body, 0)) as usize;

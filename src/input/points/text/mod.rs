@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use self::dialect::{LineKind, TextDialect};
 use super::super::assemble::Raw;
 use super::super::color::ColorRange;
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::job::at_line;
 use super::super::part::{Fault, PartFate};
 use super::super::text::Scanner;
@@ -69,7 +69,7 @@ impl ScanPose {
 }
 
 /// Reads a cloud of text.
-pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
     let is_ptx = ptx_head(data, 0).is_some();
     let start = match ptx_head(data, 0) {
         Some(head) => head.points_at,
@@ -148,7 +148,7 @@ struct ReadState {
 }
 
 /// Where everything is, by the roles of the columns.
-fn plan(job: &Job<'_>, dialect: TextDialect, is_ptx: bool) -> Result<TextPlan, Error> {
+fn plan(job: &ReadJob<'_>, dialect: TextDialect, is_ptx: bool) -> Result<TextPlan, Error> {
     let find = |wanted: &ColumnRole| dialect.columns.iter().position(|role| role == wanted);
     let three =
         |role: fn(usize) -> ColumnRole| Some([find(&role(0))?, find(&role(1))?, find(&role(2))?]);
@@ -172,7 +172,7 @@ fn plan(job: &Job<'_>, dialect: TextDialect, is_ptx: bool) -> Result<TextPlan, E
 
 /// Reads the lines of a part of the data in parallel, keeping their order.
 fn read_lines(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     part: std::ops::Range<usize>,
     plan: &TextPlan,
@@ -292,7 +292,7 @@ fn ptx_head(data: &[u8], at: usize) -> Option<PtxHead> {
 
 /// Reads scan after scan. One that promises more lines than are left is read as far as it goes.
 fn read_ptx(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     plan: &TextPlan,
     sink: &mut CloudSink,

@@ -1,7 +1,7 @@
 //! A band of rows of the picture: what the nearest splat of each of its pixels shows.
 
-use crate::render::cpu::opaque::Picture;
-use crate::render::cpu::opaque::bands::{Placed, SPLAT_BIT};
+use crate::render::cpu::opaque::ShownRectangle;
+use crate::render::cpu::opaque::bands::{PlacedSplats, SPLAT_BIT};
 use crate::render::cpu::opaque::ovals::OvalOutline;
 use crate::render::cpu::opaque::pixel_lists::Found;
 use crate::render::cpu::opaque::splat_bounds::{GROUP, Numbers, Round, both};
@@ -68,7 +68,7 @@ impl Band<'_> {
     /// Draws what of a list is in the band. Lists come in the order of their numbers, so of equal depths the first stays. Shown are
     /// the colors of splats, or where these are not known what compute has in its keys, of the number in the list.
     #[inline(always)]
-    pub(super) fn draw<S: Simd>(&mut self, simd: S, list: &Placed<'_>, has_colors: bool) {
+    pub(super) fn draw<S: Simd>(&mut self, simd: S, list: &PlacedSplats<'_>, has_colors: bool) {
         let [first_row, end_row] = self.rows;
         for group in list.groups {
             let [first, end] = group.rows.map(usize::from);
@@ -289,7 +289,7 @@ impl Band<'_> {
     }
 
     /// Begins with what a picture of the band shows.
-    pub(super) fn read(&mut self, picture: &mut Picture<'_>) {
+    pub(super) fn read(&mut self, picture: &mut ShownRectangle<'_>) {
         let own = self.depth.chunks_mut(self.stride);
         let own = own.zip(self.shown.chunks_mut(self.stride));
         for ((shown, depths), (own_depths, own_shown)) in picture.rows(self.width).zip(own) {
@@ -300,7 +300,7 @@ impl Band<'_> {
 
     /// What the pixels show, row by row, and `background` where nothing is.
     #[inline(always)]
-    pub(super) fn write<S: Simd>(&self, _: S, background: u32, picture: &mut Picture<'_>) {
+    pub(super) fn write<S: Simd>(&self, _: S, background: u32, picture: &mut ShownRectangle<'_>) {
         let own = self.depth.chunks(self.stride);
         let own = own.zip(self.shown.chunks(self.stride));
         for ((shown, depths), (own_depths, own_shown)) in picture.rows(self.width).zip(own) {

@@ -18,7 +18,7 @@ const ALPHA: i32 = 0xff << 24;
 
 /// The headlight of a frame, and what is behind everything.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Light {
+pub struct FrameHeadlight {
     /// In model space: a position (last component 1), or the unit vector towards it (0).
     place: [f32; 4],
     is_two_sided: bool,
@@ -29,7 +29,7 @@ pub struct Light {
     pub(super) background: u32,
 }
 
-impl Light {
+impl FrameHeadlight {
     /// Light of a frame which shows no data and has no lamp.
     pub fn new(frame: &FrameConstants) -> Self {
         let has = |flag: u32| frame.flags & flag != 0;
@@ -50,7 +50,7 @@ impl Light {
         }
     }
 
-    /// What pixels show where nothing is, as [`Picture`](crate::render::cpu::opaque::Picture) has colors.
+    /// What pixels show where nothing is, as [`ShownRectangle`](crate::render::cpu::opaque::ShownRectangle) has colors.
     pub fn background(&self) -> u32 {
         self.background
     }
@@ -83,7 +83,7 @@ impl Surfaces {
     pub(super) fn shade<S: Simd>(
         &self,
         simd: S,
-        light: &Light,
+        light: &FrameHeadlight,
         center: &[Row; 3],
         at: usize,
         out: &mut [i32; BLOCK],

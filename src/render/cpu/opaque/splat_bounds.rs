@@ -3,12 +3,12 @@
 use crate::abi::Splat;
 use crate::cut::strip_center_of;
 use crate::pack::Footprint;
-use crate::pack::splats::{Named, Out, Part};
+use crate::pack::splats::{Named, Out, PackedPart};
 use crate::render::cpu::opaque::bands::Outlines;
-use crate::render::cpu::opaque::headlight::{Light, Surfaces};
+use crate::render::cpu::opaque::headlight::{FrameHeadlight, Surfaces};
 use crate::render::cpu::opaque::ovals::{OvalDiscs, OvalOutline};
 use crate::render::cpu::opaque::pixel_lists::Finding;
-use crate::render::cpu::opaque::{Look, Screen, Source};
+use crate::render::cpu::opaque::{Screen, Source, SplatShape};
 use crate::tree::{Leaf, Node};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
@@ -42,7 +42,7 @@ pub(super) struct Round {
 
 /// Splats that lie near each other.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Group {
+pub(super) struct NearSplats {
     /// Number of the first among those of their look.
     pub(super) first: u32,
     pub(super) count: u16,
@@ -80,8 +80,8 @@ const NOWHERE: Vec3 = Vec3::NAN;
 /// like is found as well, unless they are those of nodes alone.
 pub(super) fn part(
     level: Level,
-    (screen, light): (&Screen, &Light),
-    (source, look, is_one_pixel): (Source<'_>, Look, bool),
+    (screen, light): (&Screen, &FrameHeadlight),
+    (source, look, is_one_pixel): (Source<'_>, SplatShape, bool),
     first: u32,
     places: Places<'_>,
 ) {
@@ -127,7 +127,7 @@ pub(super) fn part(
                 placer.push(NOWHERE, 0.0);
             }
         }
-        Source::Cut(model, undrawn, Part::Nodes(ids)) => {
+        Source::Cut(model, undrawn, PackedPart::Nodes(ids)) => {
             let nodes: &[Node] = &model.tree.nodes;
             for (index, &id) in ids.iter().enumerate() {
                 if let Some(&next) = ids.get(index + AHEAD) {
@@ -137,7 +137,7 @@ pub(super) fn part(
                 placer.push_if(is_drawn, nodes[id as usize].center);
             }
         }
-        Source::Cut(model, undrawn, Part::Rows(rows)) => {
+        Source::Cut(model, undrawn, PackedPart::Rows(rows)) => {
             let nodes: &[Node] = &model.tree.nodes;
             for (index, row) in rows.iter().enumerate() {
                 if let Some(next) = rows.get(index + AHEAD) {
@@ -150,7 +150,7 @@ pub(super) fn part(
                 }
             }
         }
-        Source::Cut(model, undrawn, Part::Leaves(ids) | Part::Large(ids)) => {
+        Source::Cut(model, undrawn, PackedPart::Leaves(ids) | PackedPart::Large(ids)) => {
             let leaves: &[Leaf] = &model.tree.leaves;
             for (index, &id) in ids.iter().enumerate() {
                 if let Some(&next) = ids.get(index + AHEAD) {
@@ -165,7 +165,7 @@ pub(super) fn part(
 }
 
 /// Where pixels, what is round, and groups go.
-pub(super) type Places<'a> = (Finding<'a>, Outlines<'a>, &'a mut [Group]);
+pub(super) type Places<'a> = (Finding<'a>, Outlines<'a>, &'a mut [NearSplats]);
 
 /// Finds where splats are, block by block.
 struct Placer<'a> {
@@ -173,8 +173,8 @@ struct Placer<'a> {
     level: Level,
     screen: &'a Screen,
     /// None where nobody asks what they look like.
-    light: Option<&'a Light>,
-    look: Look,
+    light: Option<&'a FrameHeadlight>,
+    look: SplatShape,
     is_one_pixel: bool,
     /// Number of the first of the block.
     first: u32,
@@ -313,7 +313,7 @@ impl Placer<'_> {
         {
             let low = firsts.iter().fold(u32::MAX, |low, &v| low.min(v as u32));
             let high = ends.iter().fold(0, |high, &v| high.max(v as u32));
-            *group = Group {
+            *group = NearSplats {
                 first,
                 count: firsts.len() as u16,
                 rows: [low, high].map(|v| (v >> 16) as u16),
@@ -387,7 +387,7 @@ fn centers_of<S: Simd>(
 fn find<S: Simd, const ONE: bool>(
     simd: S,
     screen: &Screen,
-    look: Look,
+    look: SplatShape,
     (block, found): (&Block, &mut Answers),
     at: usize,
 ) {

@@ -7,7 +7,7 @@ use crate::render::cpu::float_planes::word_of;
 use crate::render::cpu::frame_shading::{FrameShading, ShadedPoint};
 use crate::render::cpu::opaque::bands::{BAND_PX, Known, SPLAT_BIT, draw_by};
 use crate::render::cpu::opaque::triangles::draw_numbers;
-use crate::render::cpu::opaque::{Frame, Look, Picture, Places, Screen, Source};
+use crate::render::cpu::opaque::{Frame, Screen, ShownRectangle, Source, SplatPlaces, SplatShape};
 use crate::render::cpu::triangles::{MeshVertices, NumberedFace, Surface, Triangles};
 use fearless_simd::Level;
 
@@ -19,7 +19,7 @@ pub(crate) struct SurfaceList<'a> {
     pub(crate) meshes: MeshVertices<'a>,
     pub(crate) splats: &'a [Splat],
     /// What splats look like.
-    pub(crate) look: Look,
+    pub(crate) look: SplatShape,
     /// Triangles that cover few pixels, as squares of one.
     pub(crate) samples: &'a [Splat],
     pub(crate) shading: &'a FrameShading,
@@ -41,8 +41,8 @@ pub(crate) struct SurfacePlanes<'a> {
 pub(crate) fn draw_surfaces(
     list: SurfaceList<'_>,
     frame: Frame<'_>,
-    places: &mut Places,
-    mut picture: Picture<'_>,
+    places: &mut SplatPlaces,
+    mut picture: ShownRectangle<'_>,
     planes: SurfacePlanes<'_>,
 ) {
     let (screen, light) = frame;
@@ -60,7 +60,12 @@ pub(crate) fn draw_surfaces(
 }
 
 /// Numbers become colors, and floats where they are asked for.
-fn shade(list: &SurfaceList<'_>, screen: &Screen, picture: Picture<'_>, planes: SurfacePlanes<'_>) {
+fn shade(
+    list: &SurfaceList<'_>,
+    screen: &Screen,
+    picture: ShownRectangle<'_>,
+    planes: SurfacePlanes<'_>,
+) {
     let width = screen.width();
     if width == 0 {
         return;

@@ -44,7 +44,7 @@ fn screen(size_px: f32) -> Screen {
 }
 
 /// The keys of a list as `shaders/compute/splats.comp` leaves them, splat by splat and pixel by pixel.
-fn expected(splats: &[Splat], (look, samples): (Look, usize), screen: &Screen) -> Vec<u64> {
+fn expected(splats: &[Splat], (look, samples): (SplatShape, usize), screen: &Screen) -> Vec<u64> {
     let [left, top, right, bottom] = screen.rect_px;
     let mut keys = vec![0; screen.pixels()];
     for (number, splat) in splats.iter().enumerate() {
@@ -113,8 +113,8 @@ impl Planes {
         }
     }
 
-    fn picture(&mut self) -> Picture<'_> {
-        Picture {
+    fn picture(&mut self) -> ShownRectangle<'_> {
+        ShownRectangle {
             colors: &mut self.colors,
             pitch: self.pitch,
             depths: &mut self.depths,
@@ -179,7 +179,7 @@ fn crowd(count: usize, largest: f32, seed: u64) -> Vec<Splat> {
 
 #[test]
 fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
-    let mut places = Places::default();
+    let mut places = SplatPlaces::default();
     let light = light(true, false);
     let mut covered = 0;
     for (seed, (size_px, largest)) in [
@@ -201,7 +201,7 @@ fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
                 (Footprint::Circle, true),
                 (Footprint::Circle, false),
             ] {
-                let look = Look {
+                let look = SplatShape {
                     footprint,
                     has_one_size,
                 };
@@ -246,7 +246,7 @@ fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
 const BACKGROUND: u32 = 0xff_80_33;
 
 /// The headlight where the camera of [`screen`] is, in model space.
-fn light(is_two_sided: bool, has_colors: bool) -> Light {
+fn light(is_two_sided: bool, has_colors: bool) -> FrameHeadlight {
     let mut flags = 0;
     for (on, flag) in [
         (is_two_sided, constants::FLAG_TWO_SIDED),
@@ -254,7 +254,7 @@ fn light(is_two_sided: bool, has_colors: bool) -> Light {
     ] {
         flags |= if on { flag } else { 0 };
     }
-    Light::new(&FrameConstants {
+    FrameHeadlight::new(&FrameConstants {
         headlight: [0.0, -0.1, 3.0, 1.0],
         background: [0.2, 0.5, 1.0, 0.0],
         flags,
@@ -326,7 +326,7 @@ fn a_cut_is_drawn_as_its_list() {
             (Footprint::Circle, false, true),
             (Footprint::Circle, true, false),
         ] {
-            let plan = Plan {
+            let plan = SplatPlan {
                 footprint,
                 threshold_px,
                 size: settings.size,
@@ -337,7 +337,7 @@ fn a_cut_is_drawn_as_its_list() {
                 max_point_px: f32::INFINITY,
             };
             let (screen, light) = (screen(threshold_px), light(is_two_sided, has_colors));
-            let (mut places, mut planes) = (Places::default(), Planes::of(&screen));
+            let (mut places, mut planes) = (SplatPlaces::default(), Planes::of(&screen));
             let count = splats::count(&cut, &plan);
             let mut samples = crowd(40, 1.0, 3);
             let mut next = random(7);
@@ -355,7 +355,7 @@ fn a_cut_is_drawn_as_its_list() {
             list.extend(&samples);
             let own = list.split_at(packed.points);
             let parts = vec![(Source::List(own.0), packed.points)];
-            let look = Look {
+            let look = SplatShape {
                 footprint,
                 has_one_size: true,
             };
@@ -441,7 +441,7 @@ fn ovals_cover_what_rays_meet() {
     let [left, top, right, bottom] = RECT;
     let size = SIZE.map(f64::from);
     let mut next = random(11);
-    let (mut places, mut covered, mut cut_off) = (Places::default(), 0, 0);
+    let (mut places, mut covered, mut cut_off) = (SplatPlaces::default(), 0, 0);
     for number in 0..600 {
         let mut splat = crowd(2, 1.0, number)[1];
         splat.normal = octahedral::encode(Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5));
@@ -454,7 +454,7 @@ fn ovals_cover_what_rays_meet() {
         }
         for level in levels() {
             let mut planes = Planes::of(&screen);
-            let look = Look {
+            let look = SplatShape {
                 footprint: Footprint::Oriented,
                 has_one_size: false,
             };

@@ -7,10 +7,10 @@
 use crate::pack::parallel;
 use crate::render::cpu::opaque::bands::BAND_PX;
 use crate::render::cpu::opaque::bands::SPLAT_BIT;
-use crate::render::cpu::opaque::framebuffer::Picture;
+use crate::render::cpu::opaque::framebuffer::ShownRectangle;
 use crate::render::cpu::opaque::viewport::Screen;
 use crate::render::cpu::triangles::{
-    Edge, Face, FaceTexture, Light, MeshVertices, NumberedFace, Surface, Triangles,
+    Edge, Face, FaceTexture, FrameLight, MeshVertices, NumberedFace, Surface, Triangles,
 };
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
@@ -39,7 +39,7 @@ pub fn draw(
     meshes: MeshVertices<'_>,
     screen: &Screen,
     background: u32,
-    picture: Picture<'_>,
+    picture: ShownRectangle<'_>,
 ) {
     let shown = ShownFaces::Colors(meshes);
     draw_by(
@@ -56,7 +56,7 @@ pub(super) fn draw_numbers(
     triangles: &Triangles,
     screen: &Screen,
     background: u32,
-    picture: Picture<'_>,
+    picture: ShownRectangle<'_>,
 ) {
     let shown = ShownFaces::Numbers;
     draw_by(
@@ -83,7 +83,7 @@ fn draw_by(
     (triangles, shown): (&Triangles, ShownFaces<'_>),
     screen: &Screen,
     background: u32,
-    picture: Picture<'_>,
+    picture: ShownRectangle<'_>,
 ) {
     assert!(
         triangles.are_within(screen.rect_px()),
@@ -131,7 +131,7 @@ fn draw_by(
 
 /// A band of the picture.
 struct BandTarget<'b, 'p> {
-    picture: &'b mut Picture<'p>,
+    picture: &'b mut ShownRectangle<'p>,
     width: usize,
     /// The pixel of the picture that is the band's first.
     corner: [u32; 2],
@@ -155,7 +155,7 @@ struct PixelRun<S: Simd> {
 
 /// Colors in the headlight. Most triangles are hidden: what their surface is like is asked for at the first pixel.
 struct LitInk<'a, 'm, S: Simd, F> {
-    light: &'a Light,
+    light: &'a FrameLight,
     surface: Option<F>,
     shade: Option<FaceShade<'m, S>>,
 }
@@ -393,7 +393,7 @@ impl<'m, S: Simd> FaceShade<'m, S> {
     fn words(
         &self,
         simd: S,
-        light: &Light,
+        light: &FrameLight,
         weights: [Numbers<S>; 3],
         pixels: &PixelRun<S>,
     ) -> S::i32s {

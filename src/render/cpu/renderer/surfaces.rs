@@ -4,7 +4,7 @@ use crate::abi::Splat;
 use crate::pack::ColorBy;
 use crate::render::cpu::frame_shading::FrameShading;
 use crate::render::cpu::opaque;
-use crate::render::cpu::opaque::Picture;
+use crate::render::cpu::opaque::ShownRectangle;
 use crate::render::cpu::picture::PixelWords;
 use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
 use crate::render::pack_params::splat_plan;
@@ -21,7 +21,7 @@ impl CpuRenderer {
     pub(super) fn draw_surfaces(
         &mut self,
         frame: &CpuFrame<'_>,
-        light: &opaque::Light,
+        light: &opaque::FrameHeadlight,
         pixels: &mut PixelWords<'_>,
     ) -> DrawnCounts {
         let settings = frame.settings;
@@ -52,7 +52,7 @@ impl CpuRenderer {
             triangles: &self.triangles,
             meshes: frame.meshes,
             splats: &self.splats[..written],
-            look: opaque::Look {
+            look: opaque::SplatShape {
                 footprint: settings.footprint(),
                 has_one_size,
             },
@@ -61,7 +61,7 @@ impl CpuRenderer {
         };
         let rect_pixels = screen.pixels();
         let pitch = pixels.pitch;
-        let picture = Picture {
+        let picture = ShownRectangle {
             colors: pixels.from(rect_px),
             pitch,
             depths: &mut self.depths[..rect_pixels],

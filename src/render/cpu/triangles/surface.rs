@@ -1,6 +1,6 @@
 //! What triangles are like: normals and colors of their corners, and their textures.
 
-use super::{Edge, Face, Light, MeshVertices, Part};
+use super::{Edge, Face, FacePart, FrameLight, MeshVertices};
 use crate::abi::Vertex;
 use crate::math::octahedral;
 use crate::textures::{TextureImage, WeightSteps};
@@ -51,7 +51,7 @@ impl FaceTexture<'_> {
 }
 
 impl<'m> FaceTexture<'m> {
-    /// Texture of a face, if it has one. `clipped` is as in [`Part::clipped`].
+    /// Texture of a face, if it has one. `clipped` is as in [`FacePart::clipped`].
     fn of(face: &Face, mesh: SurfaceMesh<'m>, clipped: Option<&Mat3>) -> Option<Self> {
         let (image, places) = mesh.textures?.of_triangle(face.corners)?;
         let places = match clipped {
@@ -79,9 +79,9 @@ impl<'m> FaceTexture<'m> {
 impl<'m> Surface<'m> {
     pub(in crate::render::cpu) fn of(
         face: &Face,
-        part: &Part,
+        part: &FacePart,
         meshes: MeshVertices<'m>,
-        light: &Light,
+        light: &FrameLight,
     ) -> Self {
         let mesh = meshes[part.mesh];
         let vertices = mesh.vertices;

@@ -33,9 +33,9 @@ fn frame(flags: u32) -> FrameConstants {
     }
 }
 
-fn light(frame: &FrameConstants, rect_px: [u32; 4], dropped_sign: i32) -> Light {
+fn light(frame: &FrameConstants, rect_px: [u32; 4], dropped_sign: i32) -> FrameLight {
     let screen = CornerScreen::new(frame, (SIZE, SIZE), 0, rect_px, dropped_sign);
-    Light::new(frame, screen).expect("a headlight")
+    FrameLight::new(frame, screen).expect("a headlight")
 }
 
 fn vertex(position: Vec3, normal: Vec3) -> Vertex {
@@ -72,7 +72,7 @@ struct Drawn {
     sums: Vec<u64>,
 }
 
-fn drawn(triangles: &Triangles, model: &Model, canvas: Canvas) -> Drawn {
+fn drawn(triangles: &Triangles, model: &Model, canvas: PictureArea) -> Drawn {
     let mut front = vec![7; canvas.pixels()];
     let mut sums = vec![7; canvas.pixels() * canvas.words()];
     let list = List {
@@ -101,7 +101,7 @@ fn neighbors_neither_overlap_nor_leave_a_gap() {
         (250, [0, 0, SIZE, SIZE]),
     ] {
         let model = sheet(cells);
-        let canvas = Canvas {
+        let canvas = PictureArea {
             rect_px,
             is_gray: true,
         };
@@ -129,7 +129,7 @@ fn neighbors_neither_overlap_nor_leave_a_gap() {
 #[test]
 fn a_center_on_an_edge_belongs_to_the_top_and_to_the_left() {
     let rect_px = [0, 0, SIZE, SIZE];
-    let canvas = Canvas {
+    let canvas = PictureArea {
         rect_px,
         is_gray: true,
     };
@@ -182,7 +182,7 @@ fn depth_and_shade_are_those_of_the_plane() {
         let frame = frame(flags);
         let mut triangles = Triangles::default();
         assert!(triangles.set(&model, &[0, 1], Some(light(&frame, rect_px, 0))));
-        let drawn = drawn(&triangles, &model, Canvas { rect_px, is_gray });
+        let drawn = drawn(&triangles, &model, PictureArea { rect_px, is_gray });
         let albedo = match flags {
             FLAG_USE_COLORS => ALBEDO * Vec3::new(1.0, 0.2, 0.0),
             _ if !is_gray => ALBEDO * TRIANGLE_TINT,
@@ -275,6 +275,6 @@ fn what_the_near_plane_cuts_is_clipped() {
         FLAG_COLOR_BY_DEPTH,
     ] {
         let frame = crate::render::cpu::triangles::tests::frame(flag | FLAG_USE_COLORS);
-        assert!(Light::new(&frame, light.screen).is_none(), "{flag}");
+        assert!(FrameLight::new(&frame, light.screen).is_none(), "{flag}");
     }
 }

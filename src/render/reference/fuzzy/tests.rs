@@ -6,8 +6,8 @@ use crate::abi::{FuzzySplat, Splat, WeightedSplat};
 use crate::cut::SizeMetric;
 use crate::math::camera::Camera;
 use crate::math::octahedral;
-use crate::pack::fuzzy::Look;
-use crate::pack::splats::Plan;
+use crate::pack::fuzzy::FuzzyLook;
+use crate::pack::splats::SplatPlan;
 use crate::pack::{Footprint, Lamp, Lighting, Phong};
 use crate::render::reference::fuzzy::set_up::LEAST_DEPOSIT;
 use crate::render::reference::fuzzy::*;
@@ -37,8 +37,8 @@ fn views() -> [View; 3] {
     [perspective, mirrored, parallel]
 }
 
-fn plan(footprint: Footprint) -> Plan {
-    Plan {
+fn plan(footprint: Footprint) -> SplatPlan {
+    SplatPlan {
         footprint,
         threshold_px: 3.0,
         size: SizeMetric::Exact,
@@ -51,7 +51,7 @@ fn plan(footprint: Footprint) -> Plan {
 }
 
 /// How a frame looks, and the same for packing.
-fn looks(footprint: Footprint, light: Lighting, two_sided: bool) -> (Style, Look) {
+fn looks(footprint: Footprint, light: Lighting, two_sided: bool) -> (Style, FuzzyLook) {
     let style = Style {
         splat_size_px: 3.0,
         footprint,
@@ -62,7 +62,7 @@ fn looks(footprint: Footprint, light: Lighting, two_sided: bool) -> (Style, Look
         light,
         ..Style::default()
     };
-    let look = Look {
+    let look = FuzzyLook {
         is_gauss: style.is_gauss,
         depth_offset: style.depth_offset,
         two_sided,
@@ -276,7 +276,7 @@ fn what_lies_nowhere_covers_nothing_and_what_is_large_is_left() {
             assert!(!record.window_px[0].is_finite(), "{bad}: {record:?}");
         }
         // With an offset of 0 a splat is not behind itself.
-        let look = Look {
+        let look = FuzzyLook {
             depth_offset: 0.0,
             ..look
         };

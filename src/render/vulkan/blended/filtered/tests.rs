@@ -15,7 +15,7 @@ use crate::pack::splats::Packed;
 use crate::render::PictureOutputs;
 use crate::render::cost::choose::ComputeShare;
 use crate::render::cpu::filtered;
-use crate::render::cpu::filtered::Canvas;
+use crate::render::cpu::filtered::PictureArea;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
 use crate::render::engine::style;
 use crate::render::frame_constants::frame_constants;
@@ -168,7 +168,7 @@ fn picture_by_cpu(
     rect_px: [u32; 4],
     is_gray: bool,
 ) -> Vec<[u8; 4]> {
-    let canvas = Canvas { rect_px, is_gray };
+    let canvas = PictureArea { rect_px, is_gray };
     let list = filtered::List {
         splats: &[filtered::GroupedSplats {
             splats,
