@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use surfel::generate::{GeneratedShape, ShapeSpec};
-use surfel::image::{Accumulator, Image, jittered};
+use surfel::image::{Image, PictureAccumulator, jittered};
 use surfel::math::camera::{Camera, View};
 use surfel::pages::file::PagedFile;
 use surfel::pages::join::whole_model;
@@ -367,7 +367,7 @@ fn samples_that_are_pixels_of_a_larger_picture_are_those_of_shifted_views() {
             let mut engine = Engine::new(&Backend::Cpu, &stand_in, SIZE, outputs).unwrap();
             engine.set_pages(0, pages);
             let own = engine.supersample(&view, &settings, 4).unwrap();
-            let mut mean = Accumulator::new();
+            let mut mean = PictureAccumulator::new();
             for i in 0..16 {
                 let sample = engine.sample(&jittered(&view, i, 4), &settings).unwrap();
                 mean.add(&sample).unwrap();

@@ -13,7 +13,7 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 use surfel::chart::run::ChartBench;
 use surfel::generate::{GeneratedShape, ShapeSpec};
-use surfel::image::{Accumulator, FloatImage, stratified};
+use surfel::image::{FloatImage, PictureAccumulator, stratified};
 use surfel::math::camera::{Camera, Light, View};
 use surfel::math::octahedral;
 use surfel::measure::{depth_error, normal_error};
@@ -384,7 +384,7 @@ fn inside_of_a_surface_the_reference_is_exact_to_a_fraction_of_a_level() {
         method: Method::Triangles,
         ..Settings::default()
     };
-    let mut rounded = Accumulator::new();
+    let mut rounded = PictureAccumulator::new();
     for i in 0..64 {
         let image = engine.render(&stratified(&view, i, 8), &settings).unwrap();
         rounded.add(&image).unwrap();

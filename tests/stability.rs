@@ -8,7 +8,7 @@ use glam::{DMat4, DVec3, Vec3};
 use std::fmt::Write;
 use surfel::cut::{self, CutSelector};
 use surfel::generate::{GeneratedShape, ShapeSpec};
-use surfel::image::{Difference, Image, compare};
+use surfel::image::{Image, PictureDifference, compare};
 use surfel::input;
 use surfel::math::camera::Camera;
 use surfel::measure::motion::{
@@ -283,7 +283,7 @@ fn scaled_and_moved_scenes_look_the_same() {
         let check = |what: &str, allowed: f64, first: &[Image], second: &[Image]| {
             let mut worst = (0.0, String::new());
             for (s, (a, b)) in looks.iter().zip(first.iter().zip(second)) {
-                let d: Difference = compare(a, b, 1.0).unwrap();
+                let d: PictureDifference = compare(a, b, 1.0).unwrap();
                 let share = d.whole.past_level as f64 / d.whole.pixels as f64;
                 assert!(
                     share <= allowed && (allowed > 0.0 || d.is_zero()),

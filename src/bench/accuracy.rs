@@ -10,7 +10,7 @@ use super::verdict::{
 };
 use super::{BenchCase, BenchError, BenchFigure, BenchPlace, BenchPlan, BenchSession};
 use crate::chart::errors::object_flip;
-use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
+use crate::image::{FloatImage, Image, PictureAccumulator, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::ValueDistribution;
 use crate::progress::Progress;
@@ -220,7 +220,7 @@ fn at_distance(
 
 /// The mean of `grid` x `grid` rays a pixel, at the places where [`Engine::supersample`] has its samples.
 fn by_rays(caster: &dyn RayCaster, view: &View, grid: u32) -> Result<FloatImage, BenchError> {
-    let mut mean = Accumulator::new();
+    let mut mean = PictureAccumulator::new();
     for i in 0..grid * grid {
         mean.add(&caster.draw(&jittered(view, i, grid)))?;
     }

@@ -4,7 +4,7 @@ use super::choice::TRIANGLES;
 use super::errors::{PictureErrors, ReferencePicture, TILE_PX};
 use super::{AvailablePaths, ChartError, ChartRow, DrawConfiguration};
 use crate::gpu;
-use crate::image::{Accumulator, Image, stratified};
+use crate::image::{Image, PictureAccumulator, stratified};
 use crate::math::camera::View;
 use crate::measure::{ValueDistribution, frames};
 use crate::progress::Progress;
@@ -174,7 +174,7 @@ impl<'m> ChartBench<'m> {
         progress: &dyn Progress,
     ) -> Result<ReferencePicture, ChartError> {
         let settings = reference_settings(self.model.kind().is_points());
-        let mut mean = Accumulator::new();
+        let mut mean = PictureAccumulator::new();
         for i in 0..grid * grid {
             if progress.is_cancelled() {
                 return Err(ChartError::Cancelled);

@@ -1,7 +1,7 @@
 //! `--method auto`: how a model is drawn follows from a bound.
 
 use super::costs::costs_of;
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::{Failure, Outcome, say, usage};
 use surfel::OpenedModel;
 use surfel::chart::auto::{
@@ -90,7 +90,7 @@ impl AutoArgs {
                 let tried = ChartPlan::quick().choices(model, backend);
                 let tried: Vec<_> = tried.iter().map(DrawConfiguration::settings).collect();
                 let how = (size, costs_of(backend, &tried));
-                let bar = Bar::new(quiet);
+                let bar = JobBar::new(quiet);
                 let made = ChartCalibration::measure(backend, model, &ready.name, how, &bar)?;
                 drop(bar);
                 if let Some(folder) = &folder

@@ -1,8 +1,8 @@
 //! `surfel bench`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, ModelArgs, SurfaceArgs};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
 use super::{Failure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
@@ -193,7 +193,7 @@ pub(crate) fn run(args: BenchArgs, quiet: bool) -> Outcome {
     } else {
         BenchPlan::full()
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     bar.stage("calibrate", 0);
     let folder = store::folder();
     let session = BenchSession::open(gpu, folder.as_deref())?;
@@ -268,11 +268,11 @@ fn sources(args: &BenchArgs) -> Vec<(String, PathBuf)> {
     sources
 }
 
-fn load(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
+fn load(path: &Path, bar: &JobBar) -> Result<OpenedModel, Failure> {
     let source = ModelArgs {
         model: path.to_owned(),
         weld: false,
-        frame: Framing::Robust,
+        frame: ViewFraming::Robust,
         surface: SurfaceArgs::default(),
         keep: KeepArgs::default(),
     };
@@ -280,7 +280,7 @@ fn load(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
 }
 
 /// Opens a model that is compared with its triangles.
-fn load_surface(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
+fn load_surface(path: &Path, bar: &JobBar) -> Result<OpenedModel, Failure> {
     let ready = load(path, bar)?;
     match ready.model.kind().is_surface() {
         true => Ok(ready),
@@ -296,7 +296,7 @@ fn models(
     session: &BenchSession,
     plan: &BenchPlan,
     figures: &mut PrintedFigures<'_>,
-    bar: &Bar,
+    bar: &JobBar,
 ) -> Outcome {
     let sources = sources(args);
     let wants_models =
@@ -360,12 +360,15 @@ fn models(
 }
 
 /// Default pictures of the scenes of the stability table, and of a blade thinner than a pixel.
-fn scenes(session: &BenchSession, figures: &mut PrintedFigures<'_>, bar: &Bar) -> Outcome {
+fn scenes(session: &BenchSession, figures: &mut PrintedFigures<'_>, bar: &JobBar) -> Outcome {
     let entries = surfel::scenes::ALL;
     bar.stage("pictures of scenes", entries.len() as u64);
     let mut found = Vec::new();
     for entry in entries {
-        let opened = load(Path::new(&format!("scene:{}", entry.name)), &Bar::new(true))?;
+        let opened = load(
+            Path::new(&format!("scene:{}", entry.name)),
+            &JobBar::new(true),
+        )?;
         let Some(scene) = &opened.scene else {
             unreachable!("{} is a scene", entry.name)
         };
@@ -394,7 +397,7 @@ fn grow(
     session: &BenchSession,
     plan: &BenchPlan,
     figures: &mut PrintedFigures<'_>,
-    bar: &Bar,
+    bar: &JobBar,
 ) -> Outcome {
     let scale = |n: u64| {
         args.triangles

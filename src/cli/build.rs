@@ -1,6 +1,6 @@
 //! `surfel build`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::source::{ModelArgs, parse_bytes};
 use super::{Failure, Outcome, bytes, count, say};
 use std::path::{Path, PathBuf};
@@ -74,7 +74,7 @@ fn build_in_pieces(
     output: &Path,
     quiet: bool,
 ) -> Result<bool, Failure> {
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let options = args.source.options()?;
     if args.source.weld {
         let cause = "--weld needs the whole model in memory: leave it or --memory out";
@@ -178,7 +178,7 @@ fn write_model(
     pages: Option<&PagedOptions>,
     with_patches: bool,
     output: &Path,
-    bar: &Bar,
+    bar: &JobBar,
 ) -> Result<(), tree::Error> {
     let model = &mut ready.model;
     match (pages, with_patches || model.patches.is_some()) {
@@ -235,7 +235,7 @@ pub(crate) fn run(args: BuildArgs, quiet: bool) -> Outcome {
         ));
     }
     let start = Instant::now();
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let written = write_model(
         &mut ready,
         is_paged.then_some(&pages),

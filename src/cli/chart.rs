@@ -2,9 +2,9 @@
 
 use super::cameras::parse_size;
 use super::costs::costs_of;
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, ModelArgs, SurfaceArgs};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
 use super::{Failure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
@@ -185,7 +185,7 @@ struct ChartRun<'a> {
 
 impl ChartRun<'_> {
     /// Measures all of a model that is not measured yet, and draws the pictures of its frontier.
-    fn model(&mut self, ready: &OpenedModel, bar: &Bar) -> Outcome {
+    fn model(&mut self, ready: &OpenedModel, bar: &JobBar) -> Outcome {
         let (model, plan) = (&ready.model, self.plan);
         let choices = plan.choices(model, self.backend);
         let mut bench = ChartBench::new(self.backend, model, plan.size)?;
@@ -267,13 +267,13 @@ pub(crate) fn run(args: ChartArgs, quiet: bool) -> Outcome {
     let plan = args.plan()?;
     let other = args.other_panels()?;
     let backend = args.device.open()?;
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let mut run: Option<ChartRun<'_>> = None;
     for path in &args.models {
         let source = ModelArgs {
             model: path.clone(),
             weld: args.weld,
-            frame: Framing::Robust,
+            frame: ViewFraming::Robust,
             surface: SurfaceArgs::default(),
             keep: KeepArgs::default(),
         };

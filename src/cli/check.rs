@@ -1,6 +1,6 @@
 //! `surfel check`
 
-use super::source::{Framing, KeepArgs, ModelArgs, SurfaceArgs};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
 use super::{Failure, Outcome, chain, count, print};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -105,7 +105,7 @@ pub(crate) fn run(args: CheckArgs, quiet: bool) -> Outcome {
         let source = ModelArgs {
             model: path.clone(),
             weld: args.weld,
-            frame: Framing::Robust,
+            frame: ViewFraming::Robust,
             surface: SurfaceArgs::default(),
             keep: KeepArgs::default(),
         };

@@ -6,7 +6,7 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::image::{
-    ChannelComparison, Difference, FloatImage, Image, PictureChannels, PixelSource, compare,
+    ChannelComparison, FloatImage, Image, PictureChannels, PictureDifference, PixelSource, compare,
     compare_channels, contact_sheet, difference_picture,
 };
 use surfel::measure::{
@@ -99,11 +99,11 @@ struct CompareBounds {
 }
 
 /// Everything that is measured.
-struct Report {
+struct CompareReport {
     size: [u32; 2],
     flip: f64,
     ssim: f64,
-    difference: Difference,
+    difference: PictureDifference,
     worst: PictureTile,
     /// Coverage and silhouette, where pixels are told covered or not.
     shape: Option<(CoverageErrors, SampleSpread)>,
@@ -117,7 +117,7 @@ struct Report {
 /// A difference up to this many levels is no difference to count.
 const LEVEL: f64 = 1.0;
 
-impl Report {
+impl CompareReport {
     fn json(&self) -> serde_json::Value {
         let Self {
             size: [width, height],
@@ -439,7 +439,11 @@ impl CompareArgs {
         Ok(image)
     }
 
-    fn report(&self, reference: &FloatImage, picture: &FloatImage) -> Result<Report, Failure> {
+    fn report(
+        &self,
+        reference: &FloatImage,
+        picture: &FloatImage,
+    ) -> Result<CompareReport, Failure> {
         let has_coverage = self.background.is_some()
             || !is_opaque(reference)
             || !is_opaque(picture)
@@ -453,8 +457,8 @@ impl CompareArgs {
         let channels = compare_channels([&files[0], &files[1]], [&names[0], &names[1]]);
         let has_colors = files.iter().all(PictureChannels::has_colors);
         let has_normals = |image: &FloatImage| !image.normal.is_empty();
-        let measured = || -> Result<Report, surfel::image::Error> {
-            Ok(Report {
+        let measured = || -> Result<CompareReport, surfel::image::Error> {
+            Ok(CompareReport {
                 size: reference.size(),
                 flip: 0.0,
                 ssim: ssim(reference, picture)?,

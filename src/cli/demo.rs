@@ -3,7 +3,7 @@
 use super::cameras::orbit_camera;
 use super::costs::costs_of;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, ModelArgs, SurfaceArgs};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
 use super::{Failure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
@@ -142,7 +142,7 @@ pub(crate) fn run(args: DemoArgs, quiet: bool) -> Outcome {
     let source = ModelArgs {
         model: args.model.clone(),
         weld: false,
-        frame: Framing::Robust,
+        frame: ViewFraming::Robust,
         surface: SurfaceArgs::default(),
         keep: KeepArgs::default(),
     };

@@ -1,6 +1,6 @@
 //! `surfel export`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::source::KeepArgs;
 use super::{Failure, Outcome, count, say, usage};
 use std::path::PathBuf;
@@ -45,7 +45,7 @@ pub(crate) fn run(args: ExportArgs, quiet: bool) -> Outcome {
         spacing: args.spacing,
         ..ExportOptions::default()
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let report = export(&args.model, &options, (format, &args.output), &bar);
     drop(bar);
     let report = report.map_err(|error| match error {

@@ -1,6 +1,6 @@
 //! `surfel generate`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::{Outcome, count, say, usage};
 use std::path::PathBuf;
 use surfel::generate::{self, GeneratedShape, ShapeSpec};
@@ -45,7 +45,7 @@ pub(crate) fn run(args: GenerateArgs, quiet: bool) -> Outcome {
         }
     };
     super::require_folder(&args.output)?;
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     if args.output == std::path::Path::new("-") {
         let mut out = std::io::BufWriter::with_capacity(1 << 20, std::io::stdout().lock());
         let written = generate::write_ply(&spec, &mut out, &bar)

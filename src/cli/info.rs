@@ -1,6 +1,6 @@
 //! `surfel info`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::source::{ColorArgs, ModelArgs};
 use super::{Failure, Outcome, bytes, count, print};
 use serde_json::json;
@@ -175,7 +175,7 @@ pub(crate) fn run(args: InfoArgs, quiet: bool) -> Outcome {
         &ColorArgs::default(),
         true,
         MeshPlacement::default(),
-        &Bar::new(quiet),
+        &JobBar::new(quiet),
     )?;
     let facts = facts(&ready);
     if args.json {

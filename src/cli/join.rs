@@ -1,6 +1,6 @@
 //! `surfel join`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::{Failure, Outcome, bytes, count, say, usage};
 use anyhow::Context;
 use std::path::{Path, PathBuf};
@@ -73,7 +73,7 @@ pub(crate) fn run(args: &JoinArgs, quiet: bool) -> Outcome {
         }
         members.push(own);
     }
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let joined = forest::write(&members, &args.output, &bar);
     drop(bar);
     let report = joined.map_err(|error| match error {

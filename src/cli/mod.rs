@@ -184,7 +184,7 @@ fn version() -> String {
 #[derive(Debug, Parser)]
 #[command(name = "surfel", version, long_version = version(), after_help = help(), subcommand_negates_reqs = true)]
 #[command(arg_required_else_help = cfg!(not(feature = "viewer")))]
-struct Cli {
+struct CommandLine {
     /// What to log on standard error, such as `info` or `surfel=debug`.
     #[arg(
         long,
@@ -265,8 +265,8 @@ enum ProgramCommand {
 
 /// Parses the arguments. Those of the window do not go with a command; those of every command may stand before it
 /// (`args_conflicts_with_subcommands` would refuse these as well).
-fn parse() -> Result<Cli, clap::Error> {
-    let mut command = Cli::command();
+fn parse() -> Result<CommandLine, clap::Error> {
+    let mut command = CommandLine::command();
     let matches =
         command.try_get_matches_from_mut(renamed::in_words(std::env::args_os().collect()))?;
     let is_given = |arg: &&clap::Arg| {
@@ -281,7 +281,7 @@ fn parse() -> Result<Cli, clap::Error> {
         let text = format!("'{arg}' does not go with the command '{name}'");
         return Err(command.error(ErrorKind::ArgumentConflict, text));
     }
-    let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command));
+    let cli = CommandLine::from_arg_matches(&matches).map_err(|error| error.format(&mut command));
     #[cfg(feature = "viewer")]
     let cli = cli.map(|mut cli| {
         cli.view.note_given(&matches);
@@ -345,10 +345,10 @@ pub(crate) fn main() -> ExitCode {
         Some(ProgramCommand::Completions { shell }) => {
             // Not straight to standard output: the generator panics when its reader goes away.
             let mut script = Vec::new();
-            clap_complete::generate(shell, &mut Cli::command(), "surfel", &mut script);
+            clap_complete::generate(shell, &mut CommandLine::command(), "surfel", &mut script);
             print(&String::from_utf8_lossy(&script))
         }
-        Some(ProgramCommand::Man(args)) => man::run(&args, Cli::command()),
+        Some(ProgramCommand::Man(args)) => man::run(&args, CommandLine::command()),
         #[cfg(feature = "viewer")]
         Some(ProgramCommand::Soak(args)) => soak::run(&args, quiet),
         #[cfg(feature = "viewer")]

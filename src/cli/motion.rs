@@ -2,7 +2,7 @@
 
 use super::cameras::{CameraArgs, orbit_cameras, parse_orbit};
 use super::look::LookArgs;
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::source::ModelArgs;
 use super::stats::{device_of, settings_of};
@@ -233,7 +233,7 @@ pub(crate) fn run(args: MotionArgs, quiet: bool) -> Outcome {
             frames_per_second: args.fps,
         },
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let found = motion::measure(&mut engine, model, &plan, &bar)?;
     drop(bar);
     if let Some(folder) = &args.output {

@@ -2,7 +2,7 @@
 
 use super::cameras::{orbit_camera, parse_size};
 use super::error_patches::parse_error;
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::source::ModelArgs;
 use super::{Failure, Outcome, bytes, count, print, usage, write_text};
 use serde_json::json;
@@ -113,7 +113,7 @@ impl PatchesArgs {
 
 pub(crate) fn run(args: PatchesArgs, quiet: bool) -> Outcome {
     args.check()?;
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let ready = args.source.open_with(&bar)?;
     let model = &ready.model;
     if !model.kind().is_surface() {

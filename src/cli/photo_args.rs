@@ -1,6 +1,6 @@
 //! `--photos` and what goes with it.
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::{Failure, say, usage};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -122,7 +122,7 @@ impl StagedScene {
             )));
         }
         let drawer = SurfaceDrawer::new(backend, &opened.model);
-        let bar = Bar::new(quiet);
+        let bar = JobBar::new(quiet);
         let (stage, remarks) = PhotoStage::load(&scene, &drawer, most, LONGEST_SIDE, &bar)?;
         for remark in remarks {
             say(&format!("surfel: warning: {remark}"));

@@ -1,6 +1,6 @@
 //! `surfel photos`, and what `surfel info` says of a scene of photographs.
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::DeviceArgs;
 use super::{Failure, Outcome, print, say, usage, write_text};
 use serde_json::{Value, json};
@@ -134,7 +134,7 @@ impl SceneArgs {
         for remark in &scene.remarks {
             say(&format!("surfel: {}: {remark}", self.scene.display()));
         }
-        let opened = surfel::open(&self.mesh, &Default::default(), &Bar::new(quiet))?;
+        let opened = surfel::open(&self.mesh, &Default::default(), &JobBar::new(quiet))?;
         for warning in &opened.warnings {
             say(&format!("surfel: {}: warning: {warning}", opened.name));
         }
@@ -153,7 +153,7 @@ impl SceneArgs {
             ..SessionOptions::default()
         };
         let drawer = SurfaceDrawer::new(&backend, model);
-        let session = PhotoSession::new(scene, drawer, options, &Bar::new(quiet))?;
+        let session = PhotoSession::new(scene, drawer, options, &JobBar::new(quiet))?;
         for remark in &session.remarks {
             say(&format!("surfel: warning: {remark}"));
         }
@@ -177,7 +177,7 @@ fn score(args: ScoreArgs, quiet: bool) -> Outcome {
         longest_side: args.side,
     };
     let mut number = 0;
-    let scores = judge.score_all(&Bar::new(quiet), &mut |_, pictures| {
+    let scores = judge.score_all(&JobBar::new(quiet), &mut |_, pictures| {
         let Some(folder) = &args.output else {
             return Ok(());
         };

@@ -3,7 +3,7 @@
 use super::cameras::{CameraArgs, orbit_cameras, parse_orbit};
 use super::costs::costs_of;
 use super::look::LookArgs;
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::source::ModelArgs;
 use super::stats::{device_of, settings_of};
@@ -112,7 +112,7 @@ pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
         .collect::<Result<Vec<_>, _>>()?;
     let backend = args.device.open()?;
     let mut engine = Engine::new(&backend, &ready.model, size, PictureOutputs::default())?;
-    engine.build_patches(&settings, &Bar::new(quiet))?;
+    engine.build_patches(&settings, &JobBar::new(quiet))?;
     make_even_splats(&engine, &settings, quiet)?;
     engine.set_costs(costs_of(&backend, &[settings]));
     let plan = ProfilePlan {
@@ -120,7 +120,7 @@ pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
         settings: &settings,
         warm_up: args.warm_up,
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     bar.stage("self-test", 0);
     let proof = ProfileProof::of(&backend)?;
     let profile = FrameProfile::run(&backend, &mut engine, &plan, proof, &bar)?;

@@ -9,7 +9,7 @@ use super::look::LookArgs;
 use super::mark_args::MarkArgs;
 use super::photo_args::{PhotoArgs, StagedScene, camera_of};
 use super::placement_args::PlacementArgs;
-use super::progress::{Bar, is_interrupted};
+use super::progress::{JobBar, is_interrupted};
 use super::rendered_picture::{RenderedPicture, numbered};
 use super::source::{ColorArgs, ModelArgs, PageArgs, parse_wait};
 use super::vertex_splats::make_even_splats;
@@ -332,8 +332,8 @@ impl RenderArgs {
                 ..self.source.clone()
             };
             let mut other =
-                source.open_as(&self.color, streams_pages, *placement, &Bar::new(quiet))?;
-            let moving = Bar::new(quiet);
+                source.open_as(&self.color, streams_pages, *placement, &JobBar::new(quiet))?;
+            let moving = JobBar::new(quiet);
             let origin = first.model.origin;
             other.model = match &other.paged {
                 Some(file) => file.stand_in(origin).map_err(surfel::tree::Error::from)?,
@@ -439,7 +439,7 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
     }
     let streams_pages = settings.method == Method::Pop && !args.look.is_auto();
     let placements = args.placement.of_models(1 + args.more.len())?;
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let ready = (args.source).open_as(&args.color, streams_pages, placements[0], &bar)?;
     drop(bar);
     let others = args.open_others(&ready, streams_pages, &placements[1..], quiet)?;
@@ -530,7 +530,7 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
         let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
-    engine.build_patches(&settings, &Bar::new(quiet))?;
+    engine.build_patches(&settings, &JobBar::new(quiet))?;
     make_even_splats(&engine, &settings, quiet)?;
     engine.set_costs(costs_of(&backend, &[settings]));
     if let Some(staged) = &mut staged {
@@ -541,7 +541,7 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
             engine.draw(&views[0], &settings)?;
         }
     }
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     bar.stage("draw", views.len() as u64);
     let mut times = Vec::with_capacity(views.len());
     for (index, view) in views.iter().enumerate() {

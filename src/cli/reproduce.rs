@@ -1,8 +1,8 @@
 //! `surfel reproduce`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, ModelArgs, SurfaceArgs};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
 use super::{Failure, Outcome, print, say, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
@@ -25,7 +25,7 @@ Examples:
 Counts can be compared; times only as ratios, since the machines are not the same. docs/MEASURING.md has the protocol.";
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum Origin {
+enum ModelOrigin {
     /// Benda, Point Based Rendering: tables 5.1 to 5.6, figure 5.8
     Benda,
     /// Rusinkiewicz and Levoy, QSplat: what the text says
@@ -40,7 +40,7 @@ enum Origin {
 pub(crate) struct ReproduceArgs {
     /// Whose tables
     #[arg(value_enum, value_name = "SOURCE")]
-    origin: Origin,
+    origin: ModelOrigin,
     /// Models to measure [default: for benda generate:sphere:1000000 and generate:torus:4000000, else generate:statue:400000]
     #[arg(value_name = "MODEL")]
     models: Vec<PathBuf>,
@@ -64,14 +64,14 @@ pub(crate) struct ReproduceArgs {
 }
 
 /// The square meshes of figure 5.8 with the nodes of their trees.
-fn squares(bar: &Bar) -> Result<Vec<(u64, u64)>, Failure> {
+fn squares(bar: &JobBar) -> Result<Vec<(u64, u64)>, Failure> {
     (1..=10)
         .map(|k| {
             let triangles = k * 100_000;
             let source = ModelArgs {
                 model: PathBuf::from(format!("generate:square:{triangles}")),
                 weld: false,
-                frame: Framing::Robust,
+                frame: ViewFraming::Robust,
                 surface: SurfaceArgs::default(),
                 keep: KeepArgs::default(),
             };
@@ -101,7 +101,7 @@ impl ReproduceArgs {
                 )));
             }
         }
-        let is_dietz = matches!(self.origin, Origin::Dietz);
+        let is_dietz = matches!(self.origin, ModelOrigin::Dietz);
         if self.failures.is_some() && !is_dietz {
             return Err(usage(
                 "--failures shows those of dietz; leave it out with other sources",
@@ -176,15 +176,15 @@ pub(crate) fn run(mut args: ReproduceArgs, quiet: bool) -> Outcome {
     let is_default = args.models.is_empty();
     if is_default {
         args.models = match args.origin {
-            Origin::Benda => vec![
+            ModelOrigin::Benda => vec![
                 "generate:sphere:1000000".into(),
                 "generate:torus:4000000".into(),
             ],
-            Origin::Qsplat | Origin::Dietz => vec!["generate:statue:400000".into()],
+            ModelOrigin::Qsplat | ModelOrigin::Dietz => vec!["generate:statue:400000".into()],
         };
     }
     args.check_files()?;
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let mut tables: Vec<PublishedTable> = Vec::new();
     if let Some(path) = &args.failures {
         let (sheet, table) = failures(&bar)?;
@@ -200,7 +200,7 @@ pub(crate) fn run(mut args: ReproduceArgs, quiet: bool) -> Outcome {
         let source = ModelArgs {
             model: path.clone(),
             weld: false,
-            frame: Framing::Robust,
+            frame: ViewFraming::Robust,
             surface: SurfaceArgs::default(),
             keep: KeepArgs::default(),
         };
@@ -217,9 +217,9 @@ pub(crate) fn run(mut args: ReproduceArgs, quiet: bool) -> Outcome {
             build_s: ready.build_ms / 1e3,
         };
         let found = match args.origin {
-            Origin::Benda => benda::tables(&backend, &subject, args.repeats, &bar)?,
-            Origin::Qsplat => qsplat::tables(&backend, &subject, args.repeats, &bar)?,
-            Origin::Dietz => {
+            ModelOrigin::Benda => benda::tables(&backend, &subject, args.repeats, &bar)?,
+            ModelOrigin::Qsplat => qsplat::tables(&backend, &subject, args.repeats, &bar)?,
+            ModelOrigin::Dietz => {
                 let (tables, lines) = dietz::tables(&backend, &subject, args.repeats, &bar)?;
                 if let Some(path) = &args.chart {
                     let file = Path::new(&ready.name).file_name();
@@ -244,7 +244,7 @@ pub(crate) fn run(mut args: ReproduceArgs, quiet: bool) -> Outcome {
         }
         tables.extend(found);
     }
-    if is_default && matches!(args.origin, Origin::Benda) {
+    if is_default && matches!(args.origin, ModelOrigin::Benda) {
         tables.push(benda::squares(&squares(&bar)?));
     }
     drop(bar);

@@ -1,6 +1,6 @@
 //! The model of a command: arguments become options of [`surfel::open`].
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::{Failure, usage};
 use clap::Args;
 use glam::DVec3;
@@ -24,7 +24,7 @@ pub(crate) struct ModelArgs {
     pub(crate) weld: bool,
     /// What the first view frames: without what lies far off, or all
     #[arg(long, value_name = "WHAT", default_value = "robust")]
-    pub(crate) frame: Framing,
+    pub(crate) frame: ViewFraming,
     #[command(flatten)]
     pub(crate) surface: SurfaceArgs,
     #[command(flatten)]
@@ -282,7 +282,7 @@ impl ColorArgs {
 
 /// What the first view frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum Framing {
+pub(crate) enum ViewFraming {
     /// All but what lies far off.
     Robust,
     /// Everything.
@@ -292,7 +292,7 @@ pub(crate) enum Framing {
 /// The options of opening that the arguments ask for.
 pub(crate) fn open_options(
     weld: bool,
-    frame: Framing,
+    frame: ViewFraming,
     surface: SurfaceArgs,
 ) -> Result<OpenOptions, Failure> {
     Ok(OpenOptions {
@@ -301,7 +301,7 @@ pub(crate) fn open_options(
             textures: surface.textures == TextureChoice::On,
             ..input::Options::default()
         },
-        frame_all: frame == Framing::All,
+        frame_all: frame == ViewFraming::All,
         streams_pages: false,
         placement: MeshPlacement::default(),
         keep: PointFilter::default(),
@@ -332,7 +332,7 @@ impl ModelArgs {
 
     /// Opens the model, with a progress bar from about a second on.
     pub(crate) fn open(&self, quiet: bool) -> Result<OpenedModel, Failure> {
-        self.open_with(&Bar::new(quiet))
+        self.open_with(&JobBar::new(quiet))
     }
 
     /// Opens the model, and says what was repaired or left out.

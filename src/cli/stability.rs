@@ -1,7 +1,7 @@
 //! `surfel stability`
 
 use super::look::{MethodName, SplatName};
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::{Failure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
@@ -119,7 +119,7 @@ pub(crate) fn run(args: StabilityArgs, quiet: bool) -> Outcome {
         device: backend.name().to_owned(),
         ..SceneTable::default()
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     failures::run(
         &backend,
         &entries,

@@ -1,6 +1,6 @@
 //! The options of splats that are made from vertices.
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::{Failure, Outcome, say, usage};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
@@ -145,7 +145,7 @@ impl VertexSplatArgs {
 
 /// Makes the even splats of these settings with a bar, and says where they are wider apart than usual.
 pub(crate) fn make_even_splats(engine: &Engine<'_>, settings: &Settings, quiet: bool) -> Outcome {
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let widest = engine.build_even_splats(settings, &bar);
     drop(bar);
     match widest {

@@ -7,7 +7,7 @@ use super::photo_args::PhotoArgs;
 use super::placement_args::PlacementArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
-use super::source::{ColorArgs, Framing, KeepArgs, PageArgs, SurfaceArgs, open_options};
+use super::source::{ColorArgs, KeepArgs, PageArgs, SurfaceArgs, ViewFraming, open_options};
 use super::{Failure, Outcome, print, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ pub(crate) use surfel::viewer::input::help;
 const BUILT_IN: &str = "generate:statue:2000000";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Switch {
+enum ViewSwitch {
     /// Yes
     On,
     /// No
@@ -44,7 +44,7 @@ pub(crate) struct ViewArgs {
     weld: bool,
     /// What the first view frames: without what lies far off, or all
     #[arg(long, value_name = "WHAT", default_value = "robust")]
-    frame: Framing,
+    frame: ViewFraming,
     #[command(flatten)]
     surface: SurfaceArgs,
     #[command(flatten)]
@@ -67,7 +67,7 @@ pub(crate) struct ViewArgs {
     orbit: Option<[f64; 3]>,
     /// Draw samples while the view rests, until its picture is smooth
     #[arg(long, value_enum, default_value = "on", value_name = "SWITCH")]
-    smooth: Switch,
+    smooth: ViewSwitch,
     /// Open the files again whenever another program has written them [by hand: key F5]
     #[arg(long, conflicts_with_all = ["replay", "screenshot", "turntable"])]
     watch: bool,
@@ -83,13 +83,13 @@ pub(crate) struct ViewArgs {
     frame_ms: Option<FrameGoal>,
     /// Whether the panel is shown [default: as it was left; off where pictures are made]
     #[arg(long, value_enum)]
-    panel: Option<Switch>,
+    panel: Option<ViewSwitch>,
     /// Pixels for one point of the panel [default: the screen's]
     #[arg(long, value_name = "FACTOR")]
     ui_scale: Option<f32>,
     /// Whether frames wait for the screen [default: on]
     #[arg(long, value_enum)]
-    vsync: Option<Switch>,
+    vsync: Option<ViewSwitch>,
     /// Write the first whole picture to this file (.png) and close the window; with --panel on what the window shows
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
@@ -207,7 +207,7 @@ pub(crate) fn run(mut args: ViewArgs, _quiet: bool) -> Outcome {
         None => {}
     }
     if let Some(panel) = args.panel {
-        window.panel = panel == Switch::On;
+        window.panel = panel == ViewSwitch::On;
     }
     let marks = args.marks.choice();
     window.scale_bar |= marks.scale_bar;
@@ -225,7 +225,7 @@ pub(crate) fn run(mut args: ViewArgs, _quiet: bool) -> Outcome {
         more: args.more,
         placements,
         opening,
-        smooths: args.smooth == Switch::On,
+        smooths: args.smooth == ViewSwitch::On,
         splat_by_model: !args.look.names_splat() && settings.method == surfel::render::Method::Pop,
         watches: args.watch,
         up: args.up.named(),
@@ -247,13 +247,13 @@ pub(crate) fn run(mut args: ViewArgs, _quiet: bool) -> Outcome {
             None => FrameGoal::Free,
         },
         backend,
-        vsync: args.vsync != Some(Switch::Off),
+        vsync: args.vsync != Some(ViewSwitch::Off),
         gpu,
         window,
         settings_file,
         warning,
         screenshot: args.screenshot,
-        with_panel: args.panel == Some(Switch::On),
+        with_panel: args.panel == Some(ViewSwitch::On),
         panel_is_asked: args.panel.is_some(),
         turntable: args.turntable,
         turntable_frames: args.frames,

@@ -10,10 +10,10 @@ mod ahead;
 mod lanes;
 mod occlusion;
 
-pub(super) use lanes::{LANES, Mask};
+pub(super) use lanes::{LANES, LaneMask};
 
 use crate::cut::frustum_and_size::{NodeTester, inherit};
-use crate::cut::occlusion::{Chunk, DepthMarks, OcclusionTest};
+use crate::cut::occlusion::{DepthMarks, OcclusionTest, SplatChunk};
 use crate::cut::siblings;
 use crate::cut::{Cut, StripRun};
 use crate::simd::WideLanes;
@@ -81,20 +81,20 @@ fn four<T: Copy + bytemuck::Zeroable>(records: &[T], group: SiblingGroup) -> ([T
 #[derive(Debug, Clone, Copy, Default)]
 struct BatchVerdicts {
     /// Not dropped so far.
-    kept: Mask,
+    kept: LaneMask,
     /// Not outside of the view volume.
-    in_view: Mask,
-    small: Mask,
+    in_view: LaneMask,
+    small: LaneMask,
     /// Wholly inside the view volume, by a test of this batch.
-    inside: Mask,
+    inside: LaneMask,
     /// Facing the viewer everywhere, by a test of this batch.
-    front: Mask,
+    front: LaneMask,
     /// Drawn as a row of splats.
-    rows: Mask,
+    rows: LaneMask,
     /// Not asked whether they face away, as a node above them faces the viewer everywhere.
-    faces: Mask,
+    faces: LaneMask,
     /// The same of the view volume.
-    within: Mask,
+    within: LaneMask,
 }
 
 /// How many siblings were looked at, and how many were dropped for what.
@@ -127,7 +127,7 @@ pub(super) struct NodeBatch {
     faces: Vec<(u32, u32)>,
     corners: Vec<[u32; 3]>,
     split: occlusion::OcclusionRows,
-    chunk: Chunk,
+    chunk: SplatChunk,
 }
 
 impl NodeBatch {
@@ -141,7 +141,7 @@ impl NodeBatch {
             faces: Vec::with_capacity(LANES),
             corners: Vec::with_capacity(LANES),
             split: occlusion::OcclusionRows::default(),
-            chunk: Chunk::default(),
+            chunk: SplatChunk::default(),
         }
     }
 
@@ -366,7 +366,7 @@ impl NodeBatch {
             self.drop_between(simd, hiding, groups.len(), cut);
         }
         // A point has no triangle: large or small, it is a splat.
-        let always = Mask::all(model.kind().is_points());
+        let always = LaneMask::all(model.kind().is_points());
         if let Some(hiding) = hiding {
             self.hide_leaves(simd, hiding, groups, always, (cut, marks));
         }
@@ -431,7 +431,7 @@ impl NodeBatch {
         for lane in asked.lanes() {
             self.faces.push((self.siblings.number(lane), lane as u32));
         }
-        let mut away = Mask::default();
+        let mut away = LaneMask::default();
         if model.kind().is_points() {
             for &(leaf, lane) in &self.faces {
                 let is_away = tester.leaf_faces_away(model, leaf);

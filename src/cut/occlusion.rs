@@ -19,7 +19,7 @@ pub(crate) mod pixel_centers;
 pub(super) mod shared;
 mod splat_batch;
 
-pub(super) use crate::cut::occlusion::splat_batch::{CHUNK, Chunk};
+pub(super) use crate::cut::occlusion::splat_batch::{CHUNK, SplatChunk};
 
 use crate::cut::frustum_and_size::NodeTester;
 use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};

@@ -3,7 +3,7 @@
 use super::FailuresError;
 use super::colors::{self, ColorRange, moire, strays};
 use crate::cut::{Cut, CutSelector};
-use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
+use crate::image::{FloatImage, Image, PictureAccumulator, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::{self, squared_distances};
 use crate::progress::Silent;
@@ -167,7 +167,7 @@ impl FailureCase {
             };
             let size = (view.width, view.height);
             let mut engine = Engine::new(backend, &model, size, PictureOutputs::default())?;
-            let mut mean = Accumulator::new();
+            let mut mean = PictureAccumulator::new();
             let center = engine.render(&view, &settings)?;
             is_center_open = center.color.iter().map(|c| c[3] == 0).collect();
             ranges = colors::ranges(&center);

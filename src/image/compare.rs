@@ -25,13 +25,13 @@ pub struct ColorError {
     pub max_level: f64,
     /// Mean absolute difference, values of 0..=1.
     pub mean_abs: f64,
-    /// Pixels in which a channel differs by more than [`Difference::level`] levels.
+    /// Pixels in which a channel differs by more than [`PictureDifference::level`] levels.
     pub past_level: u64,
 }
 
 /// How a picture differs from its reference.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Difference {
+pub struct PictureDifference {
     /// Color error over all pixels.
     pub whole: ColorError,
     /// Color error over object pixels: those covered at all (fraction above 0) in either picture.
@@ -54,7 +54,7 @@ pub struct Difference {
     pub coverage_abs: f64,
 }
 
-impl Difference {
+impl PictureDifference {
     /// Tells whether colors and coverage are exactly equal.
     pub fn is_zero(&self) -> bool {
         self.whole.max_level == 0.0 && self.coverage_abs == 0.0
@@ -82,7 +82,7 @@ pub fn compare(
     reference: &impl PixelSource,
     other: &impl PixelSource,
     level: f64,
-) -> Result<Difference, Error> {
+) -> Result<PictureDifference, Error> {
     let [width, height] = same_size(reference, other)?;
     let pixels = width as usize * height as usize;
     let mut whole = PixelSums::default();
@@ -112,7 +112,7 @@ pub fn compare(
         .collect();
     let hole_pixels = is_hole.iter().filter(|h| **h).count() as u64;
     let either = both + missing + extra;
-    Ok(Difference {
+    Ok(PictureDifference {
         whole: whole.figures(),
         object: object.figures(),
         level,

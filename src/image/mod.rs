@@ -14,13 +14,13 @@ mod read;
 mod sheet;
 
 pub use accumulate::{
-    Accumulator, EVEN_SAMPLES, evenly, evenly_by_fours, jittered, mean_difference, shifted,
+    EVEN_SAMPLES, PictureAccumulator, evenly, evenly_by_fours, jittered, mean_difference, shifted,
     stratified,
 };
 pub use channels::{
     ChannelComparison, ChannelDifference, PictureChannel, PictureChannels, compare_channels,
 };
-pub use compare::{ColorError, Difference, compare, difference_picture};
+pub use compare::{ColorError, PictureDifference, compare, difference_picture};
 pub(crate) use file::write;
 pub use lines::MarkedLines;
 pub use marks::{BarLength, MarkChoice, MarkLine, MarkText, PictureMarks};

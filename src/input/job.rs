@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::part::{Fault, Inventory};
+use super::part::{PartFault, PartInventory};
 use super::text::{line_of, shown};
-use super::{Error, Options, Place, Warning};
+use super::{Error, FilePlace, Options, Warning};
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::faces::FaceRepairs;
 use crate::printable::{MOST_CHARS, printable};
@@ -22,7 +22,7 @@ pub(super) struct ReadJob<'a> {
     pub(super) options: &'a Options,
     pub(super) progress: &'a dyn Progress,
     pub(super) warnings: Vec<Warning>,
-    pub(super) inventory: Inventory,
+    pub(super) inventory: PartInventory,
     /// What the points carry beside position, normal and color, in the order of the positions.
     pub(super) attributes: PointAttributes,
     reported: usize,
@@ -41,7 +41,7 @@ impl<'a> ReadJob<'a> {
             options,
             progress,
             warnings: Vec::new(),
-            inventory: Inventory::default(),
+            inventory: PartInventory::default(),
             attributes: PointAttributes::default(),
             reported: 0,
         }
@@ -92,7 +92,7 @@ impl<'a> ReadJob<'a> {
 
     /// Counts a fault of something that decides no shape.
     #[cold]
-    pub(super) fn fault(&mut self, fault: Fault, data: &[u8], at: usize) {
+    pub(super) fn fault(&mut self, fault: PartFault, data: &[u8], at: usize) {
         self.inventory.fault(fault, 1, || at_line(data, at));
     }
 
@@ -125,7 +125,7 @@ impl<'a> ReadJob<'a> {
         }
     }
 
-    pub(super) fn syntax(&self, place: Place, reason: impl Into<String>) -> Error {
+    pub(super) fn syntax(&self, place: FilePlace, reason: impl Into<String>) -> Error {
         Error::Syntax {
             path: self.owned_path(),
             place,
@@ -133,7 +133,7 @@ impl<'a> ReadJob<'a> {
         }
     }
 
-    pub(super) fn number(&self, place: Place, word: &[u8], wanted: &'static str) -> Error {
+    pub(super) fn number(&self, place: FilePlace, word: &[u8], wanted: &'static str) -> Error {
         Error::Number {
             path: self.owned_path(),
             place,
@@ -142,7 +142,7 @@ impl<'a> ReadJob<'a> {
         }
     }
 
-    pub(super) fn truncated(&self, place: Place, missing: impl Into<String>) -> Error {
+    pub(super) fn truncated(&self, place: FilePlace, missing: impl Into<String>) -> Error {
         Error::Truncated {
             path: self.owned_path(),
             place,
@@ -152,7 +152,7 @@ impl<'a> ReadJob<'a> {
 
     pub(super) fn index(
         &self,
-        place: Place,
+        place: FilePlace,
         what: &'static str,
         index: i64,
         count: u64,
@@ -180,6 +180,6 @@ impl<'a> ReadJob<'a> {
 }
 
 /// The place of a byte in a text file.
-pub(super) fn at_line(data: &[u8], at: usize) -> Place {
-    Place::Line(line_of(data, at))
+pub(super) fn at_line(data: &[u8], at: usize) -> FilePlace {
+    FilePlace::Line(line_of(data, at))
 }

@@ -38,7 +38,7 @@ use std::io::Read;
 use std::path::Path;
 
 pub use color_by::{ColorSetting, PointColoring, name_of_class};
-pub use error::{Error, Place};
+pub use error::{Error, FilePlace};
 pub use part::{FilePart, PartFate};
 pub use point_filter::{FieldCondition, FilterField, FilteredPoints, PointFilter};
 pub use stream::{StreamedModel, open_stream};
@@ -50,7 +50,7 @@ use crate::mesh::attributes::PointAttributes;
 use crate::mesh::{Mesh, faces, weld};
 use crate::progress::Progress;
 use job::ReadJob;
-use sniff::Kind;
+use sniff::SniffedKind;
 
 /// Standard input, as messages name it.
 pub const STANDARD_INPUT: &str = "standard input";
@@ -335,17 +335,17 @@ fn load_from<'a>(
     let kind = sniff::decide(&mut job, data)?;
     progress.stage("parse", data.len() as u64);
     let (format, raw) = match kind {
-        Kind::Obj => (Format::Obj, obj::read(&mut job, data)?),
-        Kind::Ply => ply::read(&mut job, data)?,
-        Kind::StlAscii => (Format::StlAscii, stl::read_ascii(&mut job, data)?),
-        Kind::StlBinary => (Format::StlBinary, stl::read_binary(&mut job, data)?),
-        Kind::Off => (Format::Off, off::read(&mut job, data)?),
-        Kind::Tri => (Format::Tri, tri::read(&mut job, data)?),
-        Kind::Las => points::las::read(&mut job, data)?,
-        Kind::Gltf => gltf::read(&mut job, data)?,
-        Kind::E57 => points::e57::read(&mut job, data)?,
-        Kind::Pcd => points::pcd::read(&mut job, data)?,
-        Kind::Text => points::text::read(&mut job, data)?,
+        SniffedKind::Obj => (Format::Obj, obj::read(&mut job, data)?),
+        SniffedKind::Ply => ply::read(&mut job, data)?,
+        SniffedKind::StlAscii => (Format::StlAscii, stl::read_ascii(&mut job, data)?),
+        SniffedKind::StlBinary => (Format::StlBinary, stl::read_binary(&mut job, data)?),
+        SniffedKind::Off => (Format::Off, off::read(&mut job, data)?),
+        SniffedKind::Tri => (Format::Tri, tri::read(&mut job, data)?),
+        SniffedKind::Las => points::las::read(&mut job, data)?,
+        SniffedKind::Gltf => gltf::read(&mut job, data)?,
+        SniffedKind::E57 => points::e57::read(&mut job, data)?,
+        SniffedKind::Pcd => points::pcd::read(&mut job, data)?,
+        SniffedKind::Text => points::text::read(&mut job, data)?,
     };
     job.report(data.len())?;
     drop(bytes);

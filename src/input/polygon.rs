@@ -88,7 +88,7 @@ impl PolygonRuns {
         }
         let progress = job.progress;
         pieces.into_par_iter().with_min_len(64).try_for_each_init(
-            Clipper::default,
+            FaceClipper::default,
             |clipper, (fan, piece)| {
                 if progress.is_cancelled() {
                     return Err(Error::Cancelled);
@@ -271,7 +271,7 @@ fn cut_quad(first: &mut [u32; 3], second: &mut [u32; 3], point: &impl Fn(u32) ->
 }
 
 /// Cuts faces of any number of corners; keeps its memory from one to the next.
-struct Clipper {
+struct FaceClipper {
     earcut: Earcut<f64>,
     corners: Vec<u32>,
     /// Corners from the first one, in space and in the face's plane.
@@ -281,7 +281,7 @@ struct Clipper {
     is_used: Vec<bool>,
 }
 
-impl Default for Clipper {
+impl Default for FaceClipper {
     fn default() -> Self {
         Self {
             earcut: Earcut::new(),
@@ -294,7 +294,7 @@ impl Default for Clipper {
     }
 }
 
-impl Clipper {
+impl FaceClipper {
     fn cut(&mut self, face: &mut [[u32; 3]], point: &impl Fn(u32) -> DVec3) {
         corners_of(face, &mut self.corners);
         let origin = point(self.corners[0]);

@@ -1,12 +1,12 @@
 //! Decides the format: by content first, by the ending of the name when the content leaves it open.
 
 use super::job::ReadJob;
-use super::text::{Scanner, parse_f64, words};
+use super::text::{TextScanner, parse_f64, words};
 use super::{Error, Warning};
 
 /// A format with a reader; PLY tells its encoding itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum SniffedKind {
     Obj,
     Ply,
     StlAscii,
@@ -21,19 +21,19 @@ pub(super) enum Kind {
     Text,
 }
 
-impl Kind {
+impl SniffedKind {
     fn name(self) -> &'static str {
         match self {
-            Kind::Obj => "OBJ",
-            Kind::Ply => "PLY",
-            Kind::StlAscii | Kind::StlBinary => "STL",
-            Kind::Off => "OFF",
-            Kind::Tri => "TRI",
-            Kind::Gltf => "glTF",
-            Kind::Las => "LAS",
-            Kind::E57 => "E57",
-            Kind::Pcd => "PCD",
-            Kind::Text => "XYZ text",
+            SniffedKind::Obj => "OBJ",
+            SniffedKind::Ply => "PLY",
+            SniffedKind::StlAscii | SniffedKind::StlBinary => "STL",
+            SniffedKind::Off => "OFF",
+            SniffedKind::Tri => "TRI",
+            SniffedKind::Gltf => "glTF",
+            SniffedKind::Las => "LAS",
+            SniffedKind::E57 => "E57",
+            SniffedKind::Pcd => "PCD",
+            SniffedKind::Text => "XYZ text",
         }
     }
 }
@@ -41,7 +41,7 @@ impl Kind {
 /// What the first bytes say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum SniffedContent {
-    Known(Kind),
+    Known(SniffedKind),
     /// A format without a reader, by name.
     Unread(&'static str),
     /// Lines that begin with a number: OFF without its keyword, TRI, XYZ.
@@ -58,23 +58,25 @@ pub(super) const STL_HEADER: usize = 84;
 pub(super) const STL_TRIANGLE: usize = 50;
 
 /// Chooses the reader. Warns when the ending says something else.
-pub(super) fn decide(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Kind, Error> {
+pub(super) fn decide(job: &mut ReadJob<'_>, data: &[u8]) -> Result<SniffedKind, Error> {
     let ending = ending_of(job);
     let by_ending = match ending.as_str() {
-        "obj" => Some(Kind::Obj),
-        "ply" => Some(Kind::Ply),
+        "obj" => Some(SniffedKind::Obj),
+        "ply" => Some(SniffedKind::Ply),
         "stl" => Some(if is_text(data) {
-            Kind::StlAscii
+            SniffedKind::StlAscii
         } else {
-            Kind::StlBinary
+            SniffedKind::StlBinary
         }),
-        "off" | "coff" | "noff" | "cnoff" => Some(Kind::Off),
-        "tri" => Some(Kind::Tri),
-        "las" | "laz" => Some(Kind::Las),
-        "gltf" | "glb" => Some(Kind::Gltf),
-        "pcd" => Some(Kind::Pcd),
-        "e57" => Some(Kind::E57),
-        "xyz" | "xyzn" | "xyzrgb" | "pts" | "ptx" | "asc" | "txt" | "csv" => Some(Kind::Text),
+        "off" | "coff" | "noff" | "cnoff" => Some(SniffedKind::Off),
+        "tri" => Some(SniffedKind::Tri),
+        "las" | "laz" => Some(SniffedKind::Las),
+        "gltf" | "glb" => Some(SniffedKind::Gltf),
+        "pcd" => Some(SniffedKind::Pcd),
+        "e57" => Some(SniffedKind::E57),
+        "xyz" | "xyzn" | "xyzrgb" | "pts" | "ptx" | "asc" | "txt" | "csv" => {
+            Some(SniffedKind::Text)
+        }
         _ => None,
     };
     let unread_by_ending = match ending.as_str() {
@@ -101,15 +103,15 @@ pub(super) fn decide(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Kind, Error> 
         }
         SniffedContent::Unread(format) => Err(job.unread(format)),
         SniffedContent::Numbers => match by_ending {
-            Some(kind @ (Kind::Off | Kind::Tri | Kind::Text)) => Ok(kind),
+            Some(kind @ (SniffedKind::Off | SniffedKind::Tri | SniffedKind::Text)) => Ok(kind),
             other => {
                 if other.is_some() || unread_by_ending.is_some() {
                     job.warn(Warning::EndingDisagrees {
                         ending,
-                        format: Kind::Text.name(),
+                        format: SniffedKind::Text.name(),
                     });
                 }
-                Ok(Kind::Text)
+                Ok(SniffedKind::Text)
             }
         },
         SniffedContent::Unclear => match (by_ending, unread_by_ending) {
@@ -148,7 +150,7 @@ fn content_of(data: &[u8]) -> SniffedContent {
         && data.len() as u64
             == STL_HEADER as u64 + u64::from(u32::from_le_bytes(*count)) * STL_TRIANGLE as u64
     {
-        return SniffedContent::Known(Kind::StlBinary);
+        return SniffedContent::Known(SniffedKind::StlBinary);
     }
     let magics: [(&[u8], &'static str); 9] = [
         (b"QSplat", "a QSplat tree"),
@@ -162,22 +164,22 @@ fn content_of(data: &[u8]) -> SniffedContent {
         (b"\x1f\x8b", "a gzip file inside a gzip file"),
     ];
     if data.starts_with(b"glTF") {
-        return SniffedContent::Known(Kind::Gltf);
+        return SniffedContent::Known(SniffedKind::Gltf);
     }
     if data.starts_with(b"ASTM-E57") {
-        return SniffedContent::Known(Kind::E57);
+        return SniffedContent::Known(SniffedKind::E57);
     }
     if data.starts_with(b"# .PCD") {
-        return SniffedContent::Known(Kind::Pcd);
+        return SniffedContent::Known(SniffedKind::Pcd);
     }
     if data.starts_with(b"LASF") {
-        return SniffedContent::Known(Kind::Las);
+        return SniffedContent::Known(SniffedKind::Las);
     }
     if let Some((_, format)) = magics.iter().find(|(magic, _)| data.starts_with(magic)) {
         return SniffedContent::Unread(format);
     }
     if data.starts_with(b"ply") && data.get(3).is_none_or(u8::is_ascii_whitespace) {
-        return SniffedContent::Known(Kind::Ply);
+        return SniffedContent::Known(SniffedKind::Ply);
     }
     if !is_text(data) {
         // Binary OFF has a text keyword; everything else binary is known by now, or by its ending.
@@ -187,7 +189,7 @@ fn content_of(data: &[u8]) -> SniffedContent {
 }
 
 fn content_of_text(data: &[u8]) -> SniffedContent {
-    let mut scanner = Scanner::new(data, 0);
+    let mut scanner = TextScanner::new(data, 0);
     for _ in 0..SNIFF_LINES {
         let Some((line, _)) = scanner.meaningful_line() else {
             break;
@@ -197,7 +199,7 @@ fn content_of_text(data: &[u8]) -> SniffedContent {
             continue;
         };
         if is_off_keyword(word) {
-            return SniffedContent::Known(Kind::Off);
+            return SniffedContent::Known(SniffedKind::Off);
         }
         let mut fields = word.split(|byte| b",;".contains(byte));
         if fields.next().and_then(parse_f64).is_some() {
@@ -205,13 +207,15 @@ fn content_of_text(data: &[u8]) -> SniffedContent {
         }
         return match word {
             b"v" | b"vn" | b"vt" | b"vp" | b"f" | b"o" | b"g" | b"s" | b"l" | b"p" | b"mtllib"
-            | b"usemtl" | b"usemap" | b"maplib" => SniffedContent::Known(Kind::Obj),
+            | b"usemtl" | b"usemap" | b"maplib" => SniffedContent::Known(SniffedKind::Obj),
             b"VERSION" | b"FIELDS" if line_words.next().is_some() => {
-                SniffedContent::Known(Kind::Pcd)
+                SniffedContent::Known(SniffedKind::Pcd)
             }
-            _ if word.eq_ignore_ascii_case(b"solid") => SniffedContent::Known(Kind::StlAscii),
+            _ if word.eq_ignore_ascii_case(b"solid") => {
+                SniffedContent::Known(SniffedKind::StlAscii)
+            }
             _ if word.starts_with(b"{") && contains(data, b"\"asset\"") => {
-                SniffedContent::Known(Kind::Gltf)
+                SniffedContent::Known(SniffedKind::Gltf)
             }
             _ => SniffedContent::Unclear,
         };
@@ -239,25 +243,31 @@ mod tests {
     #[test]
     fn content_names_the_format() {
         let cases: [(&[u8], SniffedContent); 14] = [
-            (b"ply\nformat ascii 1.0\n", SniffedContent::Known(Kind::Ply)),
+            (
+                b"ply\nformat ascii 1.0\n",
+                SniffedContent::Known(SniffedKind::Ply),
+            ),
             (
                 b"# c\r\n\r\nmtllib a.mtl\r\n",
-                SniffedContent::Known(Kind::Obj),
+                SniffedContent::Known(SniffedKind::Obj),
             ),
-            (b"v 1 2 3", SniffedContent::Known(Kind::Obj)),
-            (b"# c\n STCN4nOFF # x\n", SniffedContent::Known(Kind::Off)),
+            (b"v 1 2 3", SniffedContent::Known(SniffedKind::Obj)),
+            (
+                b"# c\n STCN4nOFF # x\n",
+                SniffedContent::Known(SniffedKind::Off),
+            ),
             (
                 b"solid a\nfacet normal",
-                SniffedContent::Known(Kind::StlAscii),
+                SniffedContent::Known(SniffedKind::StlAscii),
             ),
             (b"1 2 3\n", SniffedContent::Numbers),
             (
                 b"{\"scene\":0,\"asset\":{}}",
-                SniffedContent::Known(Kind::Gltf),
+                SniffedContent::Known(SniffedKind::Gltf),
             ),
-            (b"VERSION .7\n", SniffedContent::Known(Kind::Pcd)),
+            (b"VERSION .7\n", SniffedContent::Known(SniffedKind::Pcd)),
             (b"QSplat11....", SniffedContent::Unread("a QSplat tree")),
-            (b"LASF", SniffedContent::Known(Kind::Las)),
+            (b"LASF", SniffedContent::Known(SniffedKind::Las)),
             (b"plywood\n", SniffedContent::Unclear),
             (b"hello\n", SniffedContent::Unclear),
             (b"\x00\x01\x02", SniffedContent::Unclear),
@@ -274,7 +284,10 @@ mod tests {
         data.resize(80, b' ');
         data.extend(2_u32.to_le_bytes());
         data.resize(84 + 100, 0);
-        assert_eq!(content_of(&data), SniffedContent::Known(Kind::StlBinary));
+        assert_eq!(
+            content_of(&data),
+            SniffedContent::Known(SniffedKind::StlBinary)
+        );
         // Cut short it is not proven any more, but its zero bytes say that it is no text.
         data.pop();
         assert_eq!(content_of(&data), SniffedContent::Unclear);

@@ -12,17 +12,17 @@
 
 use glam::{DVec3, Vec3};
 
-use super::assemble::{Coordinates, Raw};
+use super::assemble::{FileCoordinates, RawMesh};
 use super::color::{ColorRange, ColorSink};
 use super::job::{ReadJob, at_line};
-use super::part::{Fault, PartFate};
+use super::part::{PartFate, PartFault};
 use super::polygon::PolygonRuns;
-use super::text::{Scanner, parse_f64, parse_i64, shown, words};
+use super::text::{TextScanner, parse_f64, parse_i64, shown, words};
 use super::{Error, FileCounts, Warning};
 
 /// Reads a TRI file of either kind, told apart by the first line.
-pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
-    let mut scanner = Scanner::new(data, 0);
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
+    let mut scanner = TextScanner::new(data, 0);
     let Some((line, at)) = scanner.meaningful_line() else {
         return Err(job.empty("the file has no vertices"));
     };
@@ -41,11 +41,11 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
 
 fn read_public(
     job: &mut ReadJob<'_>,
-    mut scanner: Scanner<'_>,
+    mut scanner: TextScanner<'_>,
     header: usize,
     vertices: u64,
     triangles: u64,
-) -> Result<Raw, Error> {
+) -> Result<RawMesh, Error> {
     let data = scanner.data;
     job.check_vertices(vertices)?;
     let left = (data.len() - scanner.at) as u64 + 1;
@@ -99,8 +99,8 @@ fn read_public(
     inventory.add_some("normals", normals.len() as u64, PartFate::Used, "");
     inventory.add_some("colors", colors.colors.len() as u64, PartFate::Used, "");
     inventory.add("triangles", triangles, PartFate::Used, "");
-    Ok(Raw {
-        coordinates: Coordinates::Double(positions),
+    Ok(RawMesh {
+        coordinates: FileCoordinates::Double(positions),
         normals,
         absent_normals: 0,
         colors: colors.colors,
@@ -141,8 +141,8 @@ impl TrianglePart {
     }
 }
 
-fn read_parts(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
-    let mut scanner = Scanner::new(data, 0);
+fn read_parts(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
+    let mut scanner = TextScanner::new(data, 0);
     let mut part = TrianglePart::Other;
     let mut positions: Vec<DVec3> = Vec::new();
     let mut normals: Vec<Vec3> = Vec::new();
@@ -197,7 +197,7 @@ fn read_parts(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
         if part == TrianglePart::Normals {
             let (row, found) = numbers_of(job, data, line, at, 0)?;
             if found != 3 {
-                job.fault(Fault::NORMAL, data, at);
+                job.fault(PartFault::NORMAL, data, at);
             }
             normals.push(DVec3::new(row[0], row[1], row[2]).as_vec3());
             continue;
@@ -251,8 +251,8 @@ fn read_parts(job: &mut ReadJob<'_>, data: &[u8]) -> Result<Raw, Error> {
         corners().any(|&corner| corner == vertices as i64) && !corners().any(|&corner| corner == 0);
     let faces = indices.len() as u64;
     let triangles = check_indices(job, data, indices, vertices, u32::from(one_based))?;
-    Ok(Raw {
-        coordinates: Coordinates::Double(positions),
+    Ok(RawMesh {
+        coordinates: FileCoordinates::Double(positions),
         normals,
         absent_normals: 0,
         colors: Vec::new(),
@@ -277,7 +277,7 @@ fn numbers_of(
         let number = match parse_f64(word) {
             Some(number) => number,
             None if found >= needed => {
-                job.fault(Fault::EXTRA, data, at);
+                job.fault(PartFault::EXTRA, data, at);
                 0.0
             }
             None => return Err(job.number(at_line(data, at), word, "a number")),

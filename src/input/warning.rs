@@ -5,7 +5,7 @@ use std::fmt;
 
 use glam::DVec3;
 
-use super::Place;
+use super::FilePlace;
 
 /// A remark about a file that could be read all the same. Counts are of the whole file.
 #[derive(Debug, Clone, PartialEq)]
@@ -110,7 +110,7 @@ pub enum Warning {
         /// How often.
         count: u64,
         /// The first.
-        place: Place,
+        place: FilePlace,
     },
     /// The header counts something else than the file holds; what is there was read.
     CountContradicts {
@@ -296,11 +296,11 @@ impl fmt::Display for RawWarning<'_> {
                 place,
             } => match (count, place) {
                 // The phrases are in the plural, or say what is missing.
-                (1, Place::Line(line)) => write!(f, "line {line}: {what}; {outcome}"),
-                (_, Place::Line(line)) => {
+                (1, FilePlace::Line(line)) => write!(f, "line {line}: {what}; {outcome}"),
+                (_, FilePlace::Line(line)) => {
                     write!(f, "{count} {what}, the first on line {line}; {outcome}")
                 }
-                (_, Place::Byte(byte)) => {
+                (_, FilePlace::Byte(byte)) => {
                     write!(f, "{count} {what}, the first at byte {byte}; {outcome}")
                 }
             },

@@ -72,7 +72,7 @@ pub struct CoverageErrors {
     pub extra: u64,
     /// Holes: regions of missing pixels (connected by their sides) inside of the silhouette, that is without a pixel at
     /// whose side the reference has background. What lies beyond the picture is taken for covered. Stricter and wider
-    /// than [`crate::image::Difference::holes`], which looks at single pixels and also sees the inside of a missing
+    /// than [`crate::image::PictureDifference::holes`], which looks at single pixels and also sees the inside of a missing
     /// edge.
     pub holes: u64,
     /// Pixels in holes.

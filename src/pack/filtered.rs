@@ -48,9 +48,9 @@ use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::cut::{Cut, StripRun, strip_steps};
 use crate::math::camera::View;
 use crate::math::octahedral;
-use crate::pack::filtered::patch::{Patch, in_pieces};
-use crate::pack::filtered::patch_x4::{FourPatches, Size, Slope, Vectors};
-use crate::pack::filtered::projection::Projection;
+use crate::pack::filtered::patch::{SummedPatch, in_pieces};
+use crate::pack::filtered::patch_x4::{ColorSlope, FourPatches, SplatSizes, Vectors};
+use crate::pack::filtered::projection::PictureProjection;
 use crate::pack::filtered::strip_batches::{RowGroup, WaitingLeaves};
 use crate::pack::filtered::triangle_patches::{Triangle, piece_color, triangle_of};
 use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
@@ -80,7 +80,7 @@ const MARGIN_PX: f32 = 2.0;
 
 /// What the weights of a frame depend on besides the model.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shade {
+pub struct FilteredShade {
     /// Side of the square of a node, pixels.
     pub side_px: f32,
     /// Largest point that the device draws, pixels.
@@ -107,12 +107,12 @@ pub struct Shade {
 struct FilteredEye<'a> {
     tree: &'a Tree,
     view: &'a View,
-    shade: Shade,
+    shade: FilteredShade,
     /// Pixels of a model unit at distance 1 (perspective), or everywhere.
     focal_px: f32,
     /// Distance along the view direction of a point in model units: of its coordinates, and alone.
     forward: Vec4,
-    projection: Projection,
+    projection: PictureProjection,
     /// Depth offset in half sides.
     offset_px: f32,
     /// To the right and up in the picture, unit vectors in model space.
@@ -126,7 +126,7 @@ struct FilteredEye<'a> {
 
 impl FilteredEye<'_> {
     /// The mean shading normal of a patch, zero where there is none.
-    fn normal(&self, patch: &Patch) -> Vec3 {
+    fn normal(&self, patch: &SummedPatch) -> Vec3 {
         match patch.node {
             _ if patch.is_bare => Vec3::ZERO,
             Some(id) => octahedral::decode(self.tree.attributes[id as usize].normal),
@@ -138,7 +138,7 @@ impl FilteredEye<'_> {
     fn on_sphere(
         &self,
         sphere: &SphereLights,
-        patch: &Patch,
+        patch: &SummedPatch,
         v: Vec3,
         color: [f32; 3],
     ) -> [f32; 3] {
@@ -161,7 +161,7 @@ impl FilteredEye<'_> {
         &self,
         phong: &Phong,
         source: LampSource,
-        patch: &Patch,
+        patch: &SummedPatch,
         center: Vec3,
         v: Vec3,
         both: f32,
@@ -201,13 +201,13 @@ impl FilteredEye<'_> {
 
 /// Splats in a list, with gaps between them.
 #[derive(Debug)]
-pub struct Written {
+pub struct GappedSplats {
     parts: Vec<Range<usize>>,
     /// The splats by the rows that they touch, for [`crate::render::cpu::filtered::draw`].
     pub groups: ScreenGroups,
 }
 
-impl Written {
+impl GappedSplats {
     /// Moves them together to the start of the list; how many they are.
     pub fn close_gaps(&self, out: &mut [FilteredSplat]) -> usize {
         parallel::close_gaps(&self.parts, out)
@@ -228,7 +228,7 @@ pub fn splats(
     cut: &Cut,
     first_large: FirstLarge,
     view: &View,
-    shade: Shade,
+    shade: FilteredShade,
     out: &mut [FilteredSplat],
 ) -> usize {
     write(model, cut, first_large, view, shade, out).close_gaps(out)
@@ -243,9 +243,9 @@ pub fn write(
     cut: &Cut,
     first_large: FirstLarge,
     view: &View,
-    shade: Shade,
+    shade: FilteredShade,
     out: &mut [FilteredSplat],
-) -> Written {
+) -> GappedSplats {
     let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
     let eye = FilteredEye {
         tree: &model.tree,
@@ -257,7 +257,7 @@ pub fn write(
             view.focal_px() * view.model_scale
         },
         forward: -view.view_from_model.row(2) / view.model_scale,
-        projection: Projection::new(view),
+        projection: PictureProjection::new(view),
         offset_px: shade.depth_offset,
         right: axis(0),
         up: axis(1),
@@ -318,7 +318,7 @@ pub fn write(
     });
     let mut all = ScreenGroups::default();
     groups.into_iter().for_each(|groups| all.append(groups));
-    Written { parts, groups: all }
+    GappedSplats { parts, groups: all }
 }
 
 /// What one thread writes at a time.
@@ -332,8 +332,8 @@ enum FilteredPart<'a> {
 
 impl FilteredEye<'_> {
     /// The size of a splat that stands for all of a patch no larger than the threshold.
-    fn dense(&self) -> Size {
-        Size {
+    fn dense(&self) -> SplatSizes {
+        SplatSizes {
             share: Vec4::ONE,
             is_row: false,
             step: [Vec4::ZERO; 3],
@@ -366,7 +366,7 @@ impl FilteredEye<'_> {
             }
             let seen = self.seen(&four);
             let colors = self.lit(&four, &seen);
-            let patch = |lane: usize| Patch::of_node(model, group[lane]);
+            let patch = |lane: usize| SummedPatch::of_node(model, group[lane]);
             let group = (&four, &seen, group.len());
             self.splats(group, &size, &colors, patch, |splat| sink.point(splat));
         }
@@ -385,12 +385,12 @@ impl FilteredEye<'_> {
             } else {
                 let normal = attributes.has_normal().then(|| attributes.normal());
                 let side = self.side_at(node.center);
-                let patch = Patch::alone(node.center, normal, attributes.color, side);
+                let patch = SummedPatch::alone(node.center, normal, attributes.color, side);
                 FourPatches::of_points([&patch; 4])
             };
             let seen = self.seen(&four);
             let colors = self.lit(&four, &seen);
-            let patch = |_| Patch::of_node(model, id);
+            let patch = |_| SummedPatch::of_node(model, id);
             self.splats((&four, &seen, 1), &size, &colors, patch, |splat| {
                 sink.point(splat)
             });
@@ -451,7 +451,7 @@ impl FilteredEye<'_> {
         &self,
         model: &Model,
         group: &mut RowGroup,
-        slope: Option<(&Slope, &Vectors, Vectors)>,
+        slope: Option<(&ColorSlope, &Vectors, Vectors)>,
         sink: &mut RecordSink<'_, FilteredSplat>,
     ) {
         let Some(ids) = group.ids.get(..group.count).filter(|ids| !ids.is_empty()) else {
@@ -463,13 +463,13 @@ impl FilteredEye<'_> {
             Some((slope, mean, middle)) => slope.from(mean, middle, &four),
             None => self.lit(&four, &seen),
         };
-        let size = Size {
+        let size = SplatSizes {
             share: Vec4::from_array(group.shares),
             is_row: true,
             step: patch_x4::vectors(group.steps),
             ..self.dense()
         };
-        let patch = |lane: usize| Patch::of_node(model, ids[lane]);
+        let patch = |lane: usize| SummedPatch::of_node(model, ids[lane]);
         let splats = (&four, &seen, ids.len());
         self.splats(splats, &size, &colors, patch, |splat| sink.point(splat));
         group.count = 0;
@@ -477,7 +477,7 @@ impl FilteredEye<'_> {
 
     /// How the color changes along the row of a node: as it does between its children, or where these lie side by side
     /// (needles do), between theirs.
-    fn slope(&self, model: &Model, node: &Node) -> Option<Slope> {
+    fn slope(&self, model: &Model, node: &Node) -> Option<ColorSlope> {
         let mut parent = *node;
         for _ in 0..SLOPE_LEVELS {
             let (first, count) = (
@@ -496,7 +496,7 @@ impl FilteredEye<'_> {
             let seen = self.seen(&four);
             let colors = self.lit(&four, &seen);
             let lanes = seen.lanes & ((1 << count) - 1);
-            let slope = Slope::new((&four, lanes), seen.front, &colors, node);
+            let slope = ColorSlope::new((&four, lanes), seen.front, &colors, node);
             if slope.is_some() || parent.has_leaves() || lanes == 0 {
                 return slope;
             }
@@ -564,11 +564,11 @@ impl FilteredEye<'_> {
         let patch_of = |leaf: u32| {
             let point = &model.vertices[leaf as usize];
             match leaves[leaf as usize].radius {
-                radius if radius > 0.0 => Patch::of_point(point, radius),
+                radius if radius > 0.0 => SummedPatch::of_point(point, radius),
                 _ => {
                     let normal = (point.color[3] != 0).then(|| octahedral::decode(point.normal));
                     let side = self.side_at(point.position);
-                    Patch::alone(point.position, normal, point.color, side)
+                    SummedPatch::alone(point.position, normal, point.color, side)
                 }
             }
         };

@@ -18,7 +18,10 @@ use crate::pack::light::{LampSource, Lighting, Phong};
 use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
 use crate::pack::parallel::RecordSink;
-use crate::pack::splats::{Named, Out, Packed, Record as _, SplatPlan, Writer, count, parts_of};
+use crate::pack::splats::{
+    NumberedSplat, PackedSplats, SplatOutput, SplatPlan, SplatRecord as _, SplatWriter, count,
+    parts_of,
+};
 use crate::pack::{ALBEDO, ColorBy, Footprint};
 use crate::tree::Model;
 use bytemuck::Zeroable;
@@ -78,9 +81,9 @@ pub fn pack(
     (plan, look): (&SplatPlan, &FuzzyLook),
     out: &mut [FuzzySplat],
 ) -> PlacedFuzzy {
-    let writer = Writer::new(model, view, plan);
+    let writer = SplatWriter::new(model, view, plan);
     let eye = FuzzyEye::new(view, plan, look);
-    let Packed { points, quads } = parallel::write(parts_of(cut, plan), out, |part, sink| {
+    let PackedSplats { points, quads } = parallel::write(parts_of(cut, plan), out, |part, sink| {
         let mut four = WaitingSplats::new(&eye, sink);
         writer.part(part, &mut four);
         four.finish();
@@ -148,9 +151,9 @@ impl<'e, 's, 'o> WaitingSplats<'e, 's, 'o> {
     }
 }
 
-impl Out for WaitingSplats<'_, '_, '_> {
+impl SplatOutput for WaitingSplats<'_, '_, '_> {
     #[inline]
-    fn point(&mut self, named: &Named) {
+    fn point(&mut self, named: &NumberedSplat) {
         self.waiting[self.count] = WeightedSplat::of(named);
         self.count += 1;
         if self.count == 4 {
@@ -158,7 +161,7 @@ impl Out for WaitingSplats<'_, '_, '_> {
         }
     }
 
-    fn quad(&mut self, named: &Named) {
+    fn quad(&mut self, named: &NumberedSplat) {
         self.sink.quad(large(WeightedSplat::of(named), true));
     }
 }

@@ -7,7 +7,7 @@ use crate::math::camera::View;
 use crate::pack::parallel;
 use crate::pack::parallel::RecordSink;
 use crate::pack::splats;
-use crate::pack::splats::{Packed, PackedPart, SplatPlan, parts_of};
+use crate::pack::splats::{PackedPart, PackedSplats, SplatPlan, parts_of};
 use crate::tree::Model;
 
 /// Why the splats of a cut by this plan are more than what the model has under their numbers; `None` where they are not.
@@ -30,7 +30,7 @@ pub fn pack(
     undrawn: &ZeroAreaSet,
     (cut, view, plan): (&Cut, &View, &SplatPlan),
     out: &mut [SplatId],
-) -> Packed {
+) -> PackedSplats {
     // Then nothing but the number decides where it goes.
     let is_plain = plan.fits_always(model.kind()) && plan.size == SizeMetric::Exact;
     if !is_plain {

@@ -1,6 +1,6 @@
 //! Draw lists written by several threads, in the order of one.
 
-use crate::pack::splats::Packed;
+use crate::pack::splats::PackedSplats;
 use crate::threads;
 use std::ops::Range;
 use std::sync::Mutex;
@@ -64,7 +64,7 @@ pub(crate) fn write<I: Send, R: Copy + Send>(
     parts: Vec<(I, usize)>,
     out: &mut [R],
     write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
-) -> Packed {
+) -> PackedSplats {
     with_threads(threads::count(), parts, out, write)
 }
 
@@ -94,7 +94,7 @@ pub(super) fn close_gaps<R: Copy>(parts: &[Range<usize>], out: &mut [R]) -> usiz
 }
 
 /// What a part has become.
-struct Written<R> {
+struct FinishedPart<R> {
     /// Places of the records from the start of its room.
     points: Range<usize>,
     quads: Vec<R>,
@@ -105,11 +105,11 @@ fn with_threads<I: Send, R: Copy + Send>(
     parts: Vec<(I, usize)>,
     out: &mut [R],
     write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
-) -> Packed {
+) -> PackedSplats {
     let end: usize = parts.iter().map(|part| part.1).sum();
     let written = each_with_threads(threads, parts, out, write);
     let points: Vec<Range<usize>> = written.iter().map(|part| part.points.clone()).collect();
-    let packed = Packed {
+    let packed = PackedSplats {
         points: close_gaps(&points, out),
         quads: written.iter().map(|part| part.quads.len()).sum(),
     };
@@ -125,7 +125,7 @@ fn each_with_threads<I: Send, R: Copy + Send>(
     parts: Vec<(I, usize)>,
     out: &mut [R],
     write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
-) -> Vec<Written<R>> {
+) -> Vec<FinishedPart<R>> {
     let sizes: Vec<usize> = parts.iter().map(|part| part.1).collect();
     let end = sizes.iter().sum();
     let mut rest = &mut out[..end];
@@ -168,7 +168,7 @@ fn each_with_threads<I: Send, R: Copy + Send>(
         .map(|(&size, (_, points, quads))| {
             let points = start..start + points;
             start += size;
-            Written { points, quads }
+            FinishedPart { points, quads }
         })
         .collect()
 }
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     /// Numbers in parts of uneven room: multiples of 5 are left out, multiples of 7 are quads.
-    fn written(threads: usize, numbers: u32) -> (Packed, Vec<u32>, usize) {
+    fn written(threads: usize, numbers: u32) -> (PackedSplats, Vec<u32>, usize) {
         let all: Vec<u32> = (1..=numbers).collect();
         let parts: Vec<_> = all.chunks(997).map(|p| (p, p.len())).collect();
         let mut out = vec![0; all.len() + 3];

@@ -35,7 +35,7 @@ pub struct SplatPlan {
 
 /// What was written: points from the start of the list, quads up to its end.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Packed {
+pub struct PackedSplats {
     /// Number of records to draw as points.
     pub points: usize,
     /// Number of records that may be too large for points.
@@ -44,7 +44,7 @@ pub struct Packed {
 
 /// A splat of a cut, with its number.
 #[derive(Debug, Clone, Copy)]
-pub struct Named {
+pub struct NumberedSplat {
     /// What of the model it is.
     pub id: SplatId,
     /// What it looks like.
@@ -54,19 +54,19 @@ pub struct Named {
 }
 
 /// A record of a draw list of splats.
-pub trait Record {
+pub trait SplatRecord {
     /// Record of a splat.
-    fn of(named: &Named) -> Self;
+    fn of(named: &NumberedSplat) -> Self;
 }
 
-impl Record for Splat {
-    fn of(named: &Named) -> Self {
+impl SplatRecord for Splat {
+    fn of(named: &NumberedSplat) -> Self {
         named.splat
     }
 }
 
-impl Record for WeightedSplat {
-    fn of(named: &Named) -> Self {
+impl SplatRecord for WeightedSplat {
+    fn of(named: &NumberedSplat) -> Self {
         Self {
             splat: named.splat,
             area: named.area,
@@ -74,8 +74,8 @@ impl Record for WeightedSplat {
     }
 }
 
-impl Record for SplatId {
-    fn of(named: &Named) -> Self {
+impl SplatRecord for SplatId {
+    fn of(named: &NumberedSplat) -> Self {
         named.id
     }
 }
@@ -161,23 +161,23 @@ impl SplatPlan {
 }
 
 /// Where splats go.
-pub(crate) trait Out {
+pub(crate) trait SplatOutput {
     /// Whether it is asked how thick patches are; else their alpha says no more than whether they have a normal.
     const HAS_THICKNESS: bool = true;
 
     /// The next splat.
-    fn point(&mut self, named: &Named);
+    fn point(&mut self, named: &NumberedSplat);
     /// The next of those that may be too large for a point.
-    fn quad(&mut self, named: &Named);
+    fn quad(&mut self, named: &NumberedSplat);
 }
 
-impl<R: Record> Out for RecordSink<'_, R> {
+impl<R: SplatRecord> SplatOutput for RecordSink<'_, R> {
     #[inline]
-    fn point(&mut self, named: &Named) {
+    fn point(&mut self, named: &NumberedSplat) {
         RecordSink::point(self, R::of(named));
     }
 
-    fn quad(&mut self, named: &Named) {
+    fn quad(&mut self, named: &NumberedSplat) {
         RecordSink::quad(self, R::of(named));
     }
 }
@@ -202,14 +202,14 @@ pub fn count(cut: &Cut, plan: &SplatPlan) -> usize {
 ///
 /// # Panics
 /// When `out` is shorter than [`count`].
-pub fn pack<R: Record + Copy + Send>(
+pub fn pack<R: SplatRecord + Copy + Send>(
     model: &Model,
     cut: &Cut,
     view: &View,
     plan: &SplatPlan,
     out: &mut [R],
-) -> Packed {
-    let writer = Writer::new(model, view, plan);
+) -> PackedSplats {
+    let writer = SplatWriter::new(model, view, plan);
     parallel::write(parts_of(cut, plan), out, |part, sink| {
         writer.part(part, sink);
     })
@@ -308,7 +308,7 @@ pub(crate) fn pixels_of_unit(view: &View, at: Vec3) -> f32 {
 }
 
 /// Makes splats of a cut.
-pub(crate) struct Writer<'a> {
+pub(crate) struct SplatWriter<'a> {
     model: &'a Model,
     view: &'a View,
     plan: &'a SplatPlan,
@@ -319,7 +319,7 @@ pub(crate) struct Writer<'a> {
     has_triangles: bool,
 }
 
-impl<'a> Writer<'a> {
+impl<'a> SplatWriter<'a> {
     pub(crate) fn new(model: &'a Model, view: &'a View, plan: &'a SplatPlan) -> Self {
         Self {
             model,
@@ -332,7 +332,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Writes the splats of a part.
-    pub(crate) fn part(&self, part: PackedPart<'_>, out: &mut impl Out) {
+    pub(crate) fn part(&self, part: PackedPart<'_>, out: &mut impl SplatOutput) {
         match part {
             PackedPart::Nodes(ids) => self.nodes(ids, out),
             PackedPart::Rows(rows) => self.rows(rows, out),
@@ -341,7 +341,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn nodes(&self, ids: &[u32], out: &mut impl Out) {
+    fn nodes(&self, ids: &[u32], out: &mut impl SplatOutput) {
         let tree = &self.model.tree;
         let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
         for (index, &id) in ids.iter().enumerate() {
@@ -360,7 +360,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn rows<O: Out>(&self, rows: &[StripRun], out: &mut O) {
+    fn rows<O: SplatOutput>(&self, rows: &[StripRun], out: &mut O) {
         let tree = &self.model.tree;
         let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
         for (index, row) in rows.iter().enumerate() {
@@ -400,7 +400,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn leaves(&self, ids: &[u32], is_large: bool, out: &mut impl Out) {
+    fn leaves(&self, ids: &[u32], is_large: bool, out: &mut impl SplatOutput) {
         let model = self.model;
         let leaves: &[Leaf] = &model.tree.leaves;
         let of_cut = self.plan.cut_view.as_ref().unwrap_or(self.view);
@@ -470,7 +470,7 @@ impl<'a> Writer<'a> {
     }
 
     #[inline]
-    fn write(&self, id: SplatId, mut splat: Splat, area: f32, out: &mut impl Out) {
+    fn write(&self, id: SplatId, mut splat: Splat, area: f32, out: &mut impl SplatOutput) {
         if area == 0.0 && self.has_triangles {
             return;
         }
@@ -479,7 +479,7 @@ impl<'a> Writer<'a> {
         {
             splat.radius = 0.5 * self.plan.threshold_px / pixels_of_unit(of_cut, splat.center);
         }
-        let named = Named { id, splat, area };
+        let named = NumberedSplat { id, splat, area };
         if self.is_checked && !self.fits(&splat) {
             out.quad(&named);
         } else {

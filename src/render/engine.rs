@@ -10,7 +10,7 @@ mod smooth;
 
 use crate::gpu::frame::FrameMeasure;
 use crate::gpu::{DeviceOptions, Error, Gpu};
-use crate::image::{Accumulator, FloatImage, Image, jittered};
+use crate::image::{FloatImage, Image, PictureAccumulator, jittered};
 use crate::math::camera::View;
 use crate::progress::{Progress, Silent};
 use crate::projective::frame_photos::FramePhotos;
@@ -529,7 +529,7 @@ impl<'m> Engine<'m> {
         settings: &Settings,
         k: u32,
     ) -> Result<FloatImage, Error> {
-        let mut mean = Accumulator::new();
+        let mut mean = PictureAccumulator::new();
         // Every picture has the size of the view, which is all that can go wrong.
         let mut add = |image: &Image| {
             if let Err(error) = mean.add(image) {

@@ -145,7 +145,7 @@ pub(crate) enum RecordFormat {
     /// [`FuzzySplat`](crate::abi::FuzzySplat) where compute draws them, else [`WeightedSplat`](crate::abi::WeightedSplat).
     Fuzzy(SplatPlan, fuzzy::FuzzyLook),
     /// [`FilteredSplat`](crate::abi::FilteredSplat).
-    Filtered(filtered::Shade),
+    Filtered(filtered::FilteredShade),
 }
 
 /// Kinds of primitives in a frame, as far as they are known before its cut is.

@@ -50,9 +50,9 @@ pub fn filtered_shade(
     facts: &DrawnFacts,
     depth_range: [f32; 2],
     max_size_px: f32,
-) -> pack::filtered::Shade {
+) -> pack::filtered::FilteredShade {
     let cull_back = settings.draws_fronts_only(facts.is_closed) && facts.kind.is_surface();
-    pack::filtered::Shade {
+    pack::filtered::FilteredShade {
         side_px: settings.threshold_px.max(1.0),
         max_size_px,
         splats_only: settings.method == Method::Splats,

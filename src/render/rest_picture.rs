@@ -3,7 +3,7 @@
 
 use crate::gpu::image::DeviceImage as MappedImage;
 use crate::gpu::{Error, Gpu};
-use crate::image::{Accumulator, EVEN_SAMPLES, Image, evenly_by_fours, mean_difference};
+use crate::image::{EVEN_SAMPLES, Image, PictureAccumulator, evenly_by_fours, mean_difference};
 use crate::math::camera::View;
 use crate::pack::ColorBy;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
@@ -33,7 +33,7 @@ const VALUES: PictureOutputs = PictureOutputs {
 #[derive(Debug, Default)]
 pub(crate) struct RestPicture {
     /// Samples of the first and third quarter, and of the others.
-    halves: [Accumulator; 2],
+    halves: [PictureAccumulator; 2],
     is_over: bool,
     /// Number of slow samples.
     slow: u32,
@@ -104,7 +104,7 @@ impl RestPicture {
 
     /// Number of samples so far.
     fn count(&self) -> u32 {
-        self.halves.iter().map(Accumulator::count).sum()
+        self.halves.iter().map(PictureAccumulator::count).sum()
     }
 
     /// Draws one more sample. Tells whether there is a new mean to be shown. No submission may read the means.

@@ -52,7 +52,7 @@ pub(super) fn of(model: &Model) -> Option<FramedPart> {
     if corner.length() <= reach {
         return None;
     }
-    let near = Boxed::of(
+    let near = CountedBox::of(
         vertices
             .par_iter()
             .map(|v| v.position)
@@ -81,13 +81,13 @@ pub(super) fn of(model: &Model) -> Option<FramedPart> {
 
 /// A box and the number of points in it.
 #[derive(Debug, Clone, Copy)]
-struct Boxed {
+struct CountedBox {
     min: Vec3,
     max: Vec3,
     count: u64,
 }
 
-impl Boxed {
+impl CountedBox {
     fn of(points: impl ParallelIterator<Item = Vec3>) -> Self {
         let point = |p| Self {
             min: p,

@@ -4,7 +4,7 @@
 use std::f32::consts::PI;
 
 use glam::Vec3;
-use surfel::input::{self, LoadedMesh, Options, PartFate, Place, Warning};
+use surfel::input::{self, FilePlace, LoadedMesh, Options, PartFate, Warning};
 use surfel::progress::Silent;
 
 use super::{check, message, read};
@@ -707,7 +707,7 @@ fn every_part_of_a_file_is_listed_and_what_is_left_out_is_one_line() {
         what: "colors are no numbers",
         outcome: "treated as white",
         count: 2,
-        place: Place::Byte(7),
+        place: FilePlace::Byte(7),
     };
     assert_eq!(
         fault.to_string(),

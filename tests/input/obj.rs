@@ -1,7 +1,7 @@
 //! OBJ and its materials.
 
 use glam::Vec3;
-use surfel::input::{self, Error, Format, Options, Place, Warning};
+use surfel::input::{self, Error, FilePlace, Format, Options, Warning};
 use surfel::progress::Silent;
 
 use super::{SQUARE, message, read, try_read};
@@ -76,7 +76,7 @@ fn obj_faces_may_point_ahead_but_not_beyond() {
     assert!(matches!(
         try_read("a.obj", text),
         Err(Error::Index {
-            place: Place::Line(5),
+            place: FilePlace::Line(5),
             index: 4,
             count: 3,
             what: "vertex",

@@ -1,7 +1,7 @@
 //! PLY in its encodings, and headers of any format that lie.
 
 use glam::{DVec3, Vec3};
-use surfel::input::{Error, Format, Place, Warning};
+use surfel::input::{Error, FilePlace, Format, Warning};
 
 use super::{SQUARE, message, read, try_read};
 
@@ -208,7 +208,7 @@ fn ply_fixed_rows_fall_back_to_find_the_place() {
     // Row 5 names vertex 9; its third corner ends at byte 13 of the row.
     let mut bad = good.clone();
     bad[body + 5 * 14 + 9] = 9;
-    let place = Place::Byte((body + 5 * 14 + 12) as u64);
+    let place = FilePlace::Byte((body + 5 * 14 + 12) as u64);
     assert!(
         matches!(try_read("a.ply", &bad), Err(Error::Index { index: 9, count: 9, place: p, .. }) if p == place)
     );

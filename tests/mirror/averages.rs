@@ -2,7 +2,7 @@
 
 use crate::scene::*;
 use glam::DVec3;
-use surfel::image::{Accumulator, Image, compare, jittered};
+use surfel::image::{Image, PictureAccumulator, compare, jittered};
 use surfel::pack::Style;
 use surfel::render::PictureOutputs;
 use surfel::render::reference::render;
@@ -30,7 +30,7 @@ fn the_mean_of_jittered_pictures_is_the_covered_area() {
                 at(-1000.0, -5000.0, 3.0),
             ],
         ]);
-        let mut sum = Accumulator::new();
+        let mut sum = PictureAccumulator::new();
         for i in 0..16 {
             let image = render(
                 &jittered(&view, i, 4),

@@ -5,7 +5,7 @@ use surfel::abi::FilteredSplat;
 use surfel::cut::{self, Cut, CutSelector};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::pack::filtered::{Shade, drawn_counts, splat_count, splats, take_triangles};
+use surfel::pack::filtered::{FilteredShade, drawn_counts, splat_count, splats, take_triangles};
 use surfel::pack::{ALBEDO, ColorBy};
 use surfel::progress::Silent;
 use surfel::tree::{BuildOptions, Model, build};
@@ -40,7 +40,7 @@ fn facing(unit_px: f64) -> View {
         .unwrap()
 }
 
-const SHADE: Shade = Shade {
+const SHADE: FilteredShade = FilteredShade {
     side_px: 1.0,
     max_size_px: 64.0,
     splats_only: false,
@@ -54,7 +54,7 @@ const SHADE: Shade = Shade {
 };
 
 /// The splats of a model, and how many triangles are left.
-fn packed(model: &Model, view: &View, shade: Shade) -> (Vec<FilteredSplat>, usize) {
+fn packed(model: &Model, view: &View, shade: FilteredShade) -> (Vec<FilteredSplat>, usize) {
     let mut cut = Cut::default();
     let settings = cut::CutSettings {
         threshold_px: 1.0,
@@ -73,7 +73,7 @@ fn packed(model: &Model, view: &View, shade: Shade) -> (Vec<FilteredSplat>, usiz
 #[test]
 fn areas_add_up_to_that_of_a_plane() {
     let mesh = grid(40);
-    let only = Shade {
+    let only = FilteredShade {
         splats_only: true,
         ..SHADE
     };

@@ -1,4 +1,4 @@
-use super::stand::{Drawn, EmptyFrames};
+use super::stand::{DrawnView, EmptyFrames};
 use super::*;
 use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::frame::PassTime;
@@ -40,8 +40,8 @@ fn passes_over_the_picture_are_told_from_those_over_primitives() {
 }
 
 /// A view of so many pixels of a box, covered pixels and primitives.
-fn at(of_box: f64, covered: f64, count: f64, primitives_ns: f64, pixels_ns: f64) -> Drawn {
-    Drawn {
+fn at(of_box: f64, covered: f64, count: f64, primitives_ns: f64, pixels_ns: f64) -> DrawnView {
+    DrawnView {
         primitives_ns,
         pixels_ns,
         count,

@@ -1,7 +1,7 @@
 //! Accessors: typed views of buffers, strided, normalised, sparse. Every number is held against the buffer first.
 
 use super::super::job::ReadJob;
-use super::super::{Error, Place};
+use super::super::{Error, FilePlace};
 use super::document::{GltfAccessor, GltfBufferView, GltfDocument};
 
 /// Type of a component.
@@ -99,7 +99,7 @@ impl<'a> AccessorRows<'a> {
 
 impl GltfStore<'_> {
     fn fault(&self, job: &ReadJob<'_>, accessor: usize, what: impl std::fmt::Display) -> Error {
-        job.syntax(Place::Byte(0), format!("accessor {accessor}: {what}"))
+        job.syntax(FilePlace::Byte(0), format!("accessor {accessor}: {what}"))
     }
 
     fn accessor(&self, job: &ReadJob<'_>, index: usize) -> Result<&GltfAccessor, Error> {
@@ -125,7 +125,7 @@ impl GltfStore<'_> {
         match bytes {
             Some(bytes) => Ok((bytes, view)),
             None => Err(job.truncated(
-                Place::Byte(0),
+                FilePlace::Byte(0),
                 format!(
                     "buffer view {index} wants {} bytes at byte {} of buffer {}, which has {}",
                     view.byte_length,

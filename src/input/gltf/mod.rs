@@ -18,13 +18,13 @@ use self::accessor::GltfStore;
 use self::document::{GltfDocument, GltfPrimitive};
 use self::scene::{MeshPlace, places};
 use self::texture::SceneTextures;
-use super::assemble::{Coordinates, Raw};
+use super::assemble::{FileCoordinates, RawMesh};
 use super::color::encoded_byte;
 use super::job::ReadJob;
 use super::part::PartFate;
 use super::polygon::PolygonRuns;
 use super::text::shown;
-use super::{Error, FileCounts, Format, Place, Warning};
+use super::{Error, FileCounts, FilePlace, Format, Warning};
 
 /// Extensions that change nothing of what is drawn here, or are read.
 const KNOWN: [&str; 3] = [
@@ -78,19 +78,19 @@ impl CornerTopology {
 }
 
 /// Reads a glTF or GLB file.
-pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, RawMesh), Error> {
     let chunks = container::chunks(job, data)?;
     let document: GltfDocument = serde_json::from_slice(chunks.json).map_err(|error| {
         let reason = shown_reason(&error.to_string());
         job.syntax(
-            Place::Line(error.line().max(1) as u64),
+            FilePlace::Line(error.line().max(1) as u64),
             format!("the description is no glTF: {reason}"),
         )
     })?;
     if !document.asset.version.starts_with("2.") {
         let version = shown(document.asset.version.as_bytes());
         let reason = format!("glTF version `{version}`; version 2 is read");
-        return Err(job.syntax(Place::Byte(0), reason));
+        return Err(job.syntax(FilePlace::Byte(0), reason));
     }
     refuse_packed(job, &document)?;
     let store = GltfStore {
@@ -134,12 +134,12 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), 
     }
     Ok((
         format,
-        Raw {
+        RawMesh {
             counts: FileCounts {
                 vertices: sink.positions.len() as u64,
                 faces: sink.faces,
             },
-            coordinates: Coordinates::Double(sink.positions),
+            coordinates: FileCoordinates::Double(sink.positions),
             normals: sink.normals,
             absent_normals: sink.absent_normals,
             colors: sink.colors,
@@ -183,7 +183,7 @@ fn refuse_packed(job: &ReadJob<'_>, document: &GltfDocument) -> Result<(), Error
             other => {
                 let name = shown(other.as_bytes());
                 return Err(job.syntax(
-                    Place::Byte(0),
+                    FilePlace::Byte(0),
                     format!("the file requires the extension `{name}`, which is not read"),
                 ));
             }
@@ -211,7 +211,7 @@ fn add_primitive(
             "mesh {}: mode {:?} is not known",
             place.mesh, primitive.mode
         );
-        return Err(job.syntax(Place::Byte(0), reason));
+        return Err(job.syntax(FilePlace::Byte(0), reason));
     };
     let Some(position) = primitive.attributes.position else {
         return Ok(());
@@ -245,7 +245,7 @@ fn add_primitive(
         None => (0..count as u32).collect(),
     };
     if let Some(&corner) = corners.iter().find(|&&corner| corner as usize >= count) {
-        return Err(job.index(Place::Byte(0), "vertex", corner.into(), count as u64, 0));
+        return Err(job.index(FilePlace::Byte(0), "vertex", corner.into(), count as u64, 0));
     }
     let to_world = place.to_world;
     let move_point =
@@ -353,7 +353,7 @@ fn add_normals(
 
 fn different_lengths(job: &ReadJob<'_>, what: &str, found: usize, wanted: usize) -> Error {
     let reason = format!("a primitive has {found} {what} for {wanted} positions");
-    job.syntax(Place::Byte(0), reason)
+    job.syntax(FilePlace::Byte(0), reason)
 }
 
 /// Adds colors: those of the vertices times the base color of the material.

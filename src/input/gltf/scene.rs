@@ -3,7 +3,7 @@
 use glam::{DMat4, DQuat, DVec3};
 
 use super::super::job::ReadJob;
-use super::super::{Error, Place, Warning};
+use super::super::{Error, FilePlace, Warning};
 use super::document::{GltfDocument, GltfNode};
 
 /// A mesh at a place of the world.
@@ -34,7 +34,7 @@ pub(super) fn places(
     while let Some((index, to_world)) = stack.pop() {
         let Some(node) = document.nodes.get(index) else {
             let reason = format!("node {index} of {} does not exist", document.nodes.len());
-            return Err(job.syntax(Place::Byte(0), reason));
+            return Err(job.syntax(FilePlace::Byte(0), reason));
         };
         if std::mem::replace(&mut is_seen[index], true) {
             again += 1;
@@ -47,7 +47,7 @@ pub(super) fn places(
                     "node {index} names mesh {mesh} of {}",
                     document.meshes.len()
                 );
-                return Err(job.syntax(Place::Byte(0), reason));
+                return Err(job.syntax(FilePlace::Byte(0), reason));
             }
             out.push(MeshPlace {
                 mesh,

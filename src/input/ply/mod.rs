@@ -18,21 +18,21 @@ pub(super) use stream::open_stream;
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-use self::columns::Role;
-use self::header::{Element, Encoding, PlyHeader};
-use self::rows::{Ascii, Binary, NumberSource};
+use self::columns::ElementRole;
+use self::header::{PlyElement, PlyEncoding, PlyHeader};
+use self::rows::{AsciiBody, BinaryBody, NumberSource};
 use self::texture::FacePlaces;
-use super::assemble::{Coordinates, Raw};
+use super::assemble::{FileCoordinates, RawMesh};
 use super::color::{ColorRange, ColorSink};
 use super::job::ReadJob;
 use super::part::PartFate;
 use super::polygon::FaceList;
-use super::{Error, FileCounts, Format, Place, Warning};
+use super::{Error, FileCounts, FilePlace, Format, Warning};
 
 /// What has been read so far.
 #[derive(Debug)]
 struct ReadParts {
-    coordinates: Coordinates,
+    coordinates: FileCoordinates,
     normals: Vec<Vec3>,
     colors: ColorSink,
     /// A color is not opaque.
@@ -48,19 +48,19 @@ struct ReadParts {
 }
 
 /// Reads a PLY file.
-pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, RawMesh), Error> {
     let header = PlyHeader::parse(job, data)?;
     let format = match header.encoding {
-        Encoding::Ascii => Format::PlyAscii,
-        Encoding::LittleEndian => Format::PlyBinaryLittleEndian,
-        Encoding::BigEndian => Format::PlyBinaryBigEndian,
+        PlyEncoding::Ascii => Format::PlyAscii,
+        PlyEncoding::LittleEndian => Format::PlyBinaryLittleEndian,
+        PlyEncoding::BigEndian => Format::PlyBinaryBigEndian,
     };
     job.check_vertices(header.vertices)?;
     if header.vertices == 0 {
         return Err(job.empty("the file has no vertices"));
     }
     let mut sink = ReadParts {
-        coordinates: Coordinates::Double(Vec::new()),
+        coordinates: FileCoordinates::Double(Vec::new()),
         normals: Vec::new(),
         colors: ColorSink::new([ColorRange::BYTE; 3]),
         is_transparent: false,
@@ -74,22 +74,25 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), 
     let wanted = header
         .elements
         .iter()
-        .rposition(|element| element.role != Role::Other)
+        .rposition(|element| element.role != ElementRole::Other)
         .map_or(0, |last| last + 1);
     let elements = &header.elements[..wanted];
     let end = match header.encoding {
-        Encoding::Ascii => {
-            read_elements(job, &mut Ascii::new(data, header.end), elements, &mut sink)?
-        }
-        Encoding::LittleEndian => read_elements(
+        PlyEncoding::Ascii => read_elements(
             job,
-            &mut Binary::<false>::new(data, header.end),
+            &mut AsciiBody::new(data, header.end),
             elements,
             &mut sink,
         )?,
-        Encoding::BigEndian => read_elements(
+        PlyEncoding::LittleEndian => read_elements(
             job,
-            &mut Binary::<true>::new(data, header.end),
+            &mut BinaryBody::<false>::new(data, header.end),
+            elements,
+            &mut sink,
+        )?,
+        PlyEncoding::BigEndian => read_elements(
+            job,
+            &mut BinaryBody::<true>::new(data, header.end),
             elements,
             &mut sink,
         )?,
@@ -104,7 +107,7 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), 
         vertices: header.vertices,
         faces: sink.list.faces,
     };
-    let mut raw = Raw {
+    let mut raw = RawMesh {
         coordinates: sink.coordinates,
         normals: sink.normals,
         absent_normals: 0,
@@ -126,7 +129,7 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), 
 fn read_elements<S: NumberSource>(
     job: &mut ReadJob<'_>,
     source: &mut S,
-    elements: &[Element],
+    elements: &[PlyElement],
     sink: &mut ReadParts,
 ) -> Result<usize, Error> {
     for element in elements {
@@ -145,7 +148,7 @@ fn read_elements<S: NumberSource>(
 fn check_size<S: NumberSource>(
     job: &ReadJob<'_>,
     source: &S,
-    element: &Element,
+    element: &PlyElement,
 ) -> Result<(), Error> {
     let needed = u128::from(element.count) * u128::from(source.smallest_row(element));
     // The last word of a text needs no space after it.
@@ -167,7 +170,7 @@ fn check_size<S: NumberSource>(
 impl ReadParts {
     /// Makes room for the vertices; the count has been checked against the bytes left.
     fn reserve_vertices(&mut self, count: usize, has_normals: bool, has_colors: bool) {
-        self.coordinates = Coordinates::Double(Vec::with_capacity(count));
+        self.coordinates = FileCoordinates::Double(Vec::with_capacity(count));
         self.normals = Vec::with_capacity(if has_normals { count } else { 0 });
         self.colors
             .colors
@@ -179,7 +182,7 @@ impl ReadParts {
     }
 
     fn push_position(&mut self, position: DVec3) {
-        if let Coordinates::Double(positions) = &mut self.coordinates {
+        if let FileCoordinates::Double(positions) = &mut self.coordinates {
             positions.push(position);
         }
     }
@@ -191,7 +194,7 @@ impl ReadParts {
         let remarks = [&self.colors, &self.face_colors].map(ColorSink::remark);
         job.warnings.extend(remarks.into_iter().flatten());
         for element in &header.elements {
-            let Role::Vertices(columns) = element.role else {
+            let ElementRole::Vertices(columns) = element.role else {
                 continue;
             };
             if columns.are_splats {
@@ -214,7 +217,7 @@ impl ReadParts {
 }
 
 /// The error for an index that is no vertex.
-fn index_error(job: &ReadJob<'_>, place: Place, index: f64, vertices: u64) -> Error {
+fn index_error(job: &ReadJob<'_>, place: FilePlace, index: f64, vertices: u64) -> Error {
     // The cast saturates; it only serves the message.
     job.index(place, "vertex", index as i64, vertices, 0)
 }

@@ -1,11 +1,11 @@
 //! Numbers and colors in the bytes of a PLY body.
 
 use super::super::color::color_from_unit;
-use super::header::Type;
+use super::header::ScalarType;
 
 /// The number at the start of `bytes`; zero when they are too few, which callers have excluded.
 #[inline]
-pub(super) fn decode<const BIG: bool>(bytes: &[u8], kind: Type) -> f64 {
+pub(super) fn decode<const BIG: bool>(bytes: &[u8], kind: ScalarType) -> f64 {
     macro_rules! number {
         ($type:ty) => {
             match bytes.first_chunk() {
@@ -16,22 +16,22 @@ pub(super) fn decode<const BIG: bool>(bytes: &[u8], kind: Type) -> f64 {
         };
     }
     match kind {
-        Type::I8 => number!(i8),
-        Type::U8 => number!(u8),
-        Type::I16 => number!(i16),
-        Type::U16 => number!(u16),
-        Type::I32 => number!(i32),
-        Type::U32 => number!(u32),
-        Type::I64 => number!(i64),
-        Type::U64 => number!(u64),
-        Type::F32 => number!(f32),
-        Type::F64 => number!(f64),
+        ScalarType::I8 => number!(i8),
+        ScalarType::U8 => number!(u8),
+        ScalarType::I16 => number!(i16),
+        ScalarType::U16 => number!(u16),
+        ScalarType::I32 => number!(i32),
+        ScalarType::U32 => number!(u32),
+        ScalarType::I64 => number!(i64),
+        ScalarType::U64 => number!(u64),
+        ScalarType::F32 => number!(f32),
+        ScalarType::F64 => number!(f64),
     }
 }
 
 /// The bits of a packed color of four bytes at the start of `bytes`. A float may hold the bits or their number.
 #[inline]
-pub(super) fn packed_bits<const BIG: bool>(bytes: &[u8], kind: Type) -> u32 {
+pub(super) fn packed_bits<const BIG: bool>(bytes: &[u8], kind: ScalarType) -> u32 {
     let bits = match bytes.first_chunk() {
         Some(&chunk) if BIG => u32::from_be_bytes(chunk),
         Some(&chunk) => u32::from_le_bytes(chunk),

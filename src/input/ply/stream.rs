@@ -1,11 +1,11 @@
 //! Binary PLY piece by piece. Rows of vertices have one size; rows of faces are read one after the other.
 
-use super::columns::{ColorColumns, Role, VertexColumns};
-use super::header::{Element, Encoding, PlyHeader, Property, Type};
+use super::columns::{ColorColumns, ElementRole, VertexColumns};
+use super::header::{PlyElement, PlyEncoding, PlyHeader, PlyProperty, ScalarType};
 use super::numbers;
-use super::rows::{self, Binary, NumberSource};
+use super::rows::{self, BinaryBody, NumberSource};
 use super::{ReadParts, fixed};
-use crate::input::assemble::{Coordinates, normalize};
+use crate::input::assemble::{FileCoordinates, normalize};
 use crate::input::color::{ColorRange, ColorSink};
 use crate::input::job::ReadJob;
 use crate::input::polygon::FaceList;
@@ -29,7 +29,7 @@ const RANGE_BYTES: u64 = 8 << 20;
 struct PlyRows {
     file: RowFile,
     options: Options,
-    vertex: Element,
+    vertex: PlyElement,
     columns: VertexColumns,
     /// Bytes of a vertex.
     stride: u64,
@@ -50,7 +50,7 @@ struct PlyStream<const BIG: bool> {
 /// The rows of faces.
 #[derive(Debug)]
 struct FaceRows {
-    element: Element,
+    element: PlyElement,
     /// Offset of the first.
     at: u64,
 }
@@ -86,7 +86,7 @@ pub(in crate::input) fn open_stream(
         vertices_at,
         faces: plan.faces.map(|(element, at)| FaceRows { element, at }),
     };
-    let is_big = header.encoding == Encoding::BigEndian;
+    let is_big = header.encoding == PlyEncoding::BigEndian;
     let stream: Box<dyn MeshStream> = match is_big {
         true => Box::new(PlyStream::<true>::new(rows)),
         false => Box::new(PlyStream::<false>::new(rows)),
@@ -104,25 +104,25 @@ pub(in crate::input) fn open_stream(
 
 /// Where the elements are that are read.
 struct StreamPlan {
-    vertices: (Element, VertexColumns, u64),
-    faces: Option<(Element, u64)>,
+    vertices: (PlyElement, VertexColumns, u64),
+    faces: Option<(PlyElement, u64)>,
 }
 
 /// Finds the elements; `None` where something must be read that is no piece of a stream.
 fn plan(header: &PlyHeader) -> Option<StreamPlan> {
-    if header.encoding == Encoding::Ascii {
+    if header.encoding == PlyEncoding::Ascii {
         return None;
     }
     let (mut at, mut vertices) = (header.end as u64, None);
     for element in &header.elements {
         match element.role {
-            Role::Vertices(columns) => {
+            ElementRole::Vertices(columns) => {
                 if !can_stream(&columns) {
                     return None;
                 }
                 vertices = Some((element.clone(), columns, at));
             }
-            Role::Faces(columns) => {
+            ElementRole::Faces(columns) => {
                 let has_more = columns.color.is_some()
                     || columns.places.is_some()
                     || columns.texture.is_some();
@@ -136,8 +136,8 @@ fn plan(header: &PlyHeader) -> Option<StreamPlan> {
                     return Some(StreamPlan { vertices, faces });
                 }
             }
-            Role::Strips(_) => return None,
-            Role::Other => {}
+            ElementRole::Strips(_) => return None,
+            ElementRole::Other => {}
         }
         if element.count > 0 {
             let Some(stride) = element.stride() else {
@@ -150,10 +150,10 @@ fn plan(header: &PlyHeader) -> Option<StreamPlan> {
     let after = header
         .elements
         .iter()
-        .skip_while(|e| !matches!(e.role, Role::Vertices(_)));
+        .skip_while(|e| !matches!(e.role, ElementRole::Vertices(_)));
     let has_more = after
         .filter(|e| e.count > 0)
-        .any(|e| matches!(e.role, Role::Faces(_) | Role::Strips(_)));
+        .any(|e| matches!(e.role, ElementRole::Faces(_) | ElementRole::Strips(_)));
     if has_more {
         return None;
     }
@@ -169,7 +169,7 @@ fn can_stream(columns: &VertexColumns) -> bool {
         None | Some(ColorColumns::Packed(_)) => true,
         Some(ColorColumns::Channels { rgb, .. }) => rgb
             .iter()
-            .all(|column| matches!(column.kind, Type::U8 | Type::I8)),
+            .all(|column| matches!(column.kind, ScalarType::U8 | ScalarType::I8)),
         Some(ColorColumns::Harmonics(_) | ColorColumns::Listed(_)) => false,
     };
     are_bytes && !columns.are_splats && columns.place.is_none()
@@ -186,7 +186,7 @@ impl<const BIG: bool> PlyStream<BIG> {
 
     fn sink(&self) -> ReadParts {
         ReadParts {
-            coordinates: Coordinates::Double(Vec::new()),
+            coordinates: FileCoordinates::Double(Vec::new()),
             normals: Vec::new(),
             colors: ColorSink::new([ColorRange::BYTE; 3]),
             is_transparent: false,
@@ -212,9 +212,11 @@ impl<const BIG: bool> PlyStream<BIG> {
         normalize(&mut sink.normals);
         VertexPiece {
             positions: match sink.coordinates {
-                Coordinates::Single(points) => points.par_iter().map(|p| p.as_dvec3()).collect(),
-                Coordinates::Double(points) => points,
-                Coordinates::Steps(_) => Vec::new(),
+                FileCoordinates::Single(points) => {
+                    points.par_iter().map(|p| p.as_dvec3()).collect()
+                }
+                FileCoordinates::Double(points) => points,
+                FileCoordinates::Steps(_) => Vec::new(),
             },
             normals: sink.normals,
             colors: sink.colors.colors,
@@ -229,7 +231,7 @@ impl<const BIG: bool> PlyStream<BIG> {
         count: u64,
         sink: &mut ReadParts,
     ) -> Result<Option<u64>, Error> {
-        let Role::Faces(columns) = faces.element.role else {
+        let ElementRole::Faces(columns) = faces.element.role else {
             return Ok(None);
         };
         let Some(stride) = fixed::triangle_stride(&faces.element, columns.corners) else {
@@ -240,7 +242,7 @@ impl<const BIG: bool> PlyStream<BIG> {
             return Ok(None);
         }
         let data = self.rows.file.read(at, bytes)?;
-        let element = Element {
+        let element = PlyElement {
             count,
             ..faces.element.clone()
         };
@@ -268,7 +270,7 @@ impl<const BIG: bool> PlyStream<BIG> {
                 continue;
             }
             // What is cut short is read, too: the reader says where.
-            let element = Element {
+            let element = PlyElement {
                 count: if is_all {
                     left.min(count.max(1))
                 } else {
@@ -277,7 +279,7 @@ impl<const BIG: bool> PlyStream<BIG> {
                 ..faces.element.clone()
             };
             let mut job = ReadJob::new(&self.rows.file.path, None, &self.rows.options, &Silent);
-            let mut source = Binary::<BIG>::new(&data, 0).behind(at);
+            let mut source = BinaryBody::<BIG>::new(&data, 0).behind(at);
             rows::read(&mut job, &mut source, &element, sink)?;
             let sink_list = std::mem::take(&mut sink.list);
             sink.list = self.cut(&mut job, sink_list)?;
@@ -340,13 +342,13 @@ struct FaceProgress {
 }
 
 /// Number of whole rows at the beginning of some bytes.
-fn whole_rows<const BIG: bool>(data: &[u8], element: &Element) -> u64 {
+fn whole_rows<const BIG: bool>(data: &[u8], element: &PlyElement) -> u64 {
     let (mut at, mut count) = (0usize, 0u64);
     loop {
         for property in &element.properties {
             match *property {
-                Property::Scalar(kind) => at = at.saturating_add(kind.size()),
-                Property::List { count, item } => {
+                PlyProperty::Scalar(kind) => at = at.saturating_add(kind.size()),
+                PlyProperty::List { count, item } => {
                     let Some(bytes) = data.get(at..at.saturating_add(count.size())) else {
                         at = usize::MAX;
                         break;

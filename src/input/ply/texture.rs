@@ -4,7 +4,7 @@
 use glam::Vec2;
 
 use super::header::PlyHeader;
-use crate::input::assemble::Raw;
+use crate::input::assemble::RawMesh;
 use crate::input::job::ReadJob;
 use crate::input::mtl::MaterialFolder;
 use crate::input::part::PartFate;
@@ -55,7 +55,7 @@ pub(super) fn textures_of(
     job: &mut ReadJob<'_>,
     header: &PlyHeader,
     (places, faces): (Vec<Vec2>, FacePlaces),
-    raw: &Raw,
+    raw: &RawMesh,
 ) -> Option<RawTextures> {
     let has_places = !places.is_empty() || !faces.corners.is_empty();
     if header.textures.is_empty() {

@@ -7,7 +7,7 @@ use glam::{Mat3, Vec3};
 
 /// A patch as the sums have it.
 #[derive(Clone, Copy)]
-pub(super) struct Patch {
+pub(super) struct SummedPatch {
     pub(super) center: Vec3,
     pub(super) area: f32,
     pub(super) vector_area: Vec3,
@@ -54,7 +54,7 @@ pub(super) fn in_pieces([a, b, c]: [Corner; 3], cuts: u32, visit: &mut impl FnMu
     }
 }
 
-impl Patch {
+impl SummedPatch {
     pub(super) fn of_node(model: &Model, id: u32) -> Self {
         let node = &model.tree.nodes[id as usize];
         let attributes = &model.tree.attributes[id as usize];

@@ -5,7 +5,7 @@
 
 use crate::abi::FilteredSplat;
 use crate::math::camera::Light;
-use crate::pack::filtered::patch::Patch;
+use crate::pack::filtered::patch::SummedPatch;
 use crate::pack::filtered::{
     FilteredEye, LEAST_EXTENT_PX, MARGIN_PX, OFFSET_OF_BEND, OFFSET_OF_NEIGHBORS,
     OFFSET_OF_THICKNESS,
@@ -60,7 +60,7 @@ fn columns(rows: [Vec4; 4]) -> [Vec4; 4] {
 
 /// Which normals light it.
 #[derive(Clone, Copy)]
-pub(super) enum Normals {
+pub(super) enum PatchNormals {
     /// Second moments, area included: xx, yy, zz, xy, xz, yz.
     Second([Vec4; 6]),
     /// A unit vector each.
@@ -73,7 +73,7 @@ pub(super) struct FourPatches {
     pub(super) center: Vectors,
     pub(super) area: Vec4,
     pub(super) vector_area: Vectors,
-    pub(super) normals: Normals,
+    pub(super) normals: PatchNormals,
     pub(super) half_thickness: Vec4,
     pub(super) bend: Vec4,
     /// Red, green and blue, 0..=1.
@@ -99,7 +99,7 @@ fn halves(words: Vec4) -> [Vec4; 2] {
 }
 
 impl FourPatches {
-    /// Nodes; see [`Patch::of_node`].
+    /// Nodes; see [`SummedPatch::of_node`].
     #[inline]
     pub(super) fn of_nodes(model: &Model, ids: [u32; 4]) -> Self {
         let tree = &model.tree;
@@ -134,7 +134,7 @@ impl FourPatches {
             center: [x + off[0], y + off[1], z + off[2]],
             area,
             vector_area: [vx, vy, vz].map(|v| v * sums),
-            normals: Normals::Second([xx, yy, zz, xy, xz, yz].map(|v| v * sums)),
+            normals: PatchNormals::Second([xx, yy, zz, xy, xz, yz].map(|v| v * sums)),
             half_thickness: splat_radius * Vec4::select(has_none, Vec4::ONE, thickness),
             bend: Vec4::ZERO,
             color: [0, 1, 2].map(|i| (byte(i) * (1.0 / 255.0) * of_ball).min(Vec4::ONE)),
@@ -152,16 +152,16 @@ impl FourPatches {
 
     /// Points.
     #[inline]
-    pub(super) fn of_points(patches: [&Patch; 4]) -> Self {
-        let lanes = |of: fn(&Patch) -> f32| Vec4::from_array(patches.map(of));
-        let vectors = |of: fn(&Patch) -> Vec3| vectors(patches.map(of));
+    pub(super) fn of_points(patches: [&SummedPatch; 4]) -> Self {
+        let lanes = |of: fn(&SummedPatch) -> f32| Vec4::from_array(patches.map(of));
+        let vectors = |of: fn(&SummedPatch) -> Vec3| vectors(patches.map(of));
         let area = lanes(|p| p.area);
         let color = |i: usize| Vec4::from_array(patches.map(|p| f32::from(p.color[i]))) / 255.0;
         Self {
             center: vectors(|p| p.center),
             area,
             vector_area: vectors(|p| p.vector_area),
-            normals: Normals::One(scaled(&vectors(|p| p.normals), inverse_or_zero(area))),
+            normals: PatchNormals::One(scaled(&vectors(|p| p.normals), inverse_or_zero(area))),
             half_thickness: lanes(|p| p.half_thickness),
             bend: lanes(|p| p.bend),
             color: [color(0), color(1), color(2)],
@@ -199,14 +199,14 @@ const LEAST_FACING_OF_OWN: f32 = 0.1;
 const MOST_CHANGE: f32 = 1.1;
 
 /// How a color changes along a line.
-pub(super) struct Slope {
+pub(super) struct ColorSlope {
     direction: Vectors,
     per_unit: [f32; 3],
     /// How much it may differ from the mean.
     most: [f32; 3],
 }
 
-impl Slope {
+impl ColorSlope {
     /// Slope of the line through the colors of the `lanes` of four parts of a node that has the least squares, each counting
     /// as much as is seen of it (`weight`). None where they are not spread along the node's strip.
     pub(super) fn new(
@@ -278,7 +278,7 @@ pub(super) struct SeenPatches {
 
 /// How large four splats are drawn.
 #[derive(Clone, Copy)]
-pub(super) struct Size {
+pub(super) struct SplatSizes {
     /// Share of their patches.
     pub(super) share: Vec4,
     /// Splats that belong to rows: the way from one to the next, model space.
@@ -314,7 +314,7 @@ impl FilteredEye<'_> {
             toward = toward.abs();
         }
         let (lit, projection) = match &four.normals {
-            Normals::Second([xx, yy, zz, xy, xz, yz]) => {
+            PatchNormals::Second([xx, yy, zz, xy, xz, yz]) => {
                 let times = |[x, y, z]: &Vectors| {
                     [
                         *xx * *x + *xy * *y + *xz * *z,
@@ -328,7 +328,7 @@ impl FilteredEye<'_> {
                     (least + (least * four.area).sqrt()) * 0.5,
                 )
             }
-            Normals::One(s) => ((toward * dot(s, &light)).abs(), Vec4::ZERO),
+            PatchNormals::One(s) => ((toward * dot(s, &light)).abs(), Vec4::ZERO),
         };
         let both = projection.max(toward.abs());
         let front = Vec4::select(is_bare, four.area, (both + toward) * 0.5);
@@ -373,7 +373,7 @@ impl FilteredEye<'_> {
     }
 
     /// The color of one patch by a lamp, or as data.
-    fn color(&self, patch: &Patch, center: Vec3, v: Vec3, both: f32) -> [f32; 3] {
+    fn color(&self, patch: &SummedPatch, center: Vec3, v: Vec3, both: f32) -> [f32; 3] {
         let own = || [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0);
         let lit = |base: [f32; 3]| {
             if let Some(sphere) = &self.sphere {
@@ -405,9 +405,9 @@ impl FilteredEye<'_> {
     pub(super) fn splats(
         &self,
         (four, seen, count): (&FourPatches, &SeenPatches, usize),
-        size: &Size,
+        size: &SplatSizes,
         colors: &Vectors,
-        patch: impl Fn(usize) -> Patch,
+        patch: impl Fn(usize) -> SummedPatch,
         mut write: impl FnMut(FilteredSplat),
     ) {
         let view = self.view;

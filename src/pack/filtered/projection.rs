@@ -26,7 +26,7 @@ impl FilteredPatch {
     /// The splat as `view` has it; none where its center lies before the near or behind the far plane, or is no number.
     pub fn place(&self, view: &View) -> Option<FilteredSplat> {
         let centers = vectors([self.center; 4]);
-        let places = Projection::new(view).places(&centers, Vec4::splat(self.offset));
+        let places = PictureProjection::new(view).places(&centers, Vec4::splat(self.offset));
         (places.lanes & 1 != 0).then(|| FilteredSplat {
             window_px: [places.window_px[0].x, places.window_px[1].x],
             pushed_depth: places.pushed_depth.x,
@@ -41,7 +41,7 @@ impl FilteredPatch {
 }
 
 /// From model space to the picture.
-pub(super) struct Projection {
+pub(super) struct PictureProjection {
     is_perspective: bool,
     /// Rows of the matrix to view space: factors, and what is added.
     rows: [(Vectors, Vec4); 3],
@@ -66,7 +66,7 @@ pub(super) struct FourPlaces {
     pub(super) lanes: u32,
 }
 
-impl Projection {
+impl PictureProjection {
     pub(super) fn new(view: &View) -> Self {
         let clip = view.clip_from_view();
         let column = if view.is_perspective {

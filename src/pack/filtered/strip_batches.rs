@@ -2,8 +2,8 @@
 
 use crate::abi::FilteredSplat;
 use crate::pack::filtered::FilteredEye;
-use crate::pack::filtered::patch::Patch;
-use crate::pack::filtered::patch_x4::{FourPatches, Size};
+use crate::pack::filtered::patch::SummedPatch;
+use crate::pack::filtered::patch_x4::{FourPatches, SplatSizes};
 use crate::pack::filtered::triangle_patches::Triangle;
 use crate::pack::parallel::RecordSink;
 use glam::{Vec3, Vec4};
@@ -33,28 +33,28 @@ impl RowGroup {
 }
 
 /// What leaves are made of.
-pub(super) trait Piece: Copy {
+pub(super) trait LeafPiece: Copy {
     fn four(pieces: [&Self; 4]) -> FourPatches;
-    fn patch(&self) -> Patch;
+    fn patch(&self) -> SummedPatch;
 }
 
-impl Piece for Triangle {
+impl LeafPiece for Triangle {
     fn four(pieces: [&Self; 4]) -> FourPatches {
         FourPatches::of_triangles(pieces)
     }
 
-    fn patch(&self) -> Patch {
+    fn patch(&self) -> SummedPatch {
         self.patch()
     }
 }
 
 /// A point.
-impl Piece for Patch {
+impl LeafPiece for SummedPatch {
     fn four(pieces: [&Self; 4]) -> FourPatches {
         FourPatches::of_points(pieces)
     }
 
-    fn patch(&self) -> Patch {
+    fn patch(&self) -> SummedPatch {
         *self
     }
 }
@@ -68,7 +68,7 @@ pub(super) struct WaitingLeaves<'a, P> {
     is_own: bool,
 }
 
-impl<'a, P: Piece> WaitingLeaves<'a, P> {
+impl<'a, P: LeafPiece> WaitingLeaves<'a, P> {
     /// `any` stands where there are none.
     pub(super) fn new(eye: &'a FilteredEye<'a>, any: P) -> Self {
         Self {
@@ -99,7 +99,7 @@ impl<'a, P: Piece> WaitingLeaves<'a, P> {
 
     pub(super) fn flush(&mut self, sink: &mut RecordSink<'_, FilteredSplat>) {
         let eye = self.eye;
-        let size = Size {
+        let size = SplatSizes {
             diameter_px: Vec4::from_array(self.diameters),
             is_own: self.is_own,
             ..eye.dense()

@@ -30,7 +30,7 @@ use super::page::EncodedPage;
 use super::page_tops::PageTop;
 use super::upper::{LeafPageFacts, upper_length};
 use super::write::{PagedOptions, VertexGrid, color_bits, leaf_pages, page_step, place_key};
-use crate::mesh::normals::{self, Weighting};
+use crate::mesh::normals::{self, NormalWeighting};
 use crate::mesh::stream::{MeshStream, StreamError, StreamFacts, VertexPiece};
 use crate::mesh::{Mesh, creases, origin_of, recentered_zero};
 use crate::progress::{Progress, Silent};
@@ -570,7 +570,7 @@ impl ExternalBuild<'_> {
         if let Some(degrees) = self.options.crease_degrees {
             creases::split(&mut mesh, degrees);
         }
-        normals::complete(&mut mesh, Weighting::Area);
+        normals::complete(&mut mesh, NormalWeighting::Area);
         mesh.triangles.truncate(own);
         Ok((mesh, steps))
     }

@@ -6,7 +6,7 @@
 //! one thread from beginning to end, so nothing is locked: a band is emptied, then the nearest pushed depth of each pixel is
 //! found, then deposits are added where that does not hide them. What is left is the same to the bit as what the shaders
 //! leave (`shaders/filtered/depth.comp`, `shaders/filtered/blend.comp`), which have the rules: a pixel's maximum and sums
-//! of whole numbers do not depend on any order, and each number is made by the same operations. Of triangles ([`Triangles`]) the
+//! of whole numbers do not depend on any order, and each number is made by the same operations. Of triangles ([`CutTriangles`]) the
 //! last place of a shade may be another one.
 
 mod blend;
@@ -17,12 +17,12 @@ mod splat_block;
 #[cfg(test)]
 mod tests;
 
-pub use crate::render::cpu::triangles::{FrameLight, MeshVertices, Triangles};
+pub use crate::render::cpu::triangles::{CutTriangles, FrameLight, MeshVertices};
 
 use crate::abi::FilteredSplat;
 use crate::pack::filtered::ScreenGroups;
 use crate::pack::parallel;
-use crate::render::cpu::filtered::splat_block::Blocks;
+use crate::render::cpu::filtered::splat_block::SplatBlocks;
 use fearless_simd::{Level, Simd, dispatch};
 
 /// Rows of a band.
@@ -72,13 +72,13 @@ pub struct GroupedSplats<'a> {
 
 /// What is drawn.
 #[derive(Debug, Clone, Copy)]
-pub struct List<'a> {
+pub struct DrawnSplats<'a> {
     /// Splats of each model.
     pub splats: &'a [GroupedSplats<'a>],
     /// Corners of triangles.
     pub meshes: MeshVertices<'a>,
     /// Of models with these vertices.
-    pub triangles: &'a Triangles,
+    pub triangles: &'a CutTriangles,
 }
 
 /// Draws a list. `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the
@@ -87,14 +87,14 @@ pub struct List<'a> {
 /// # Panics
 /// When `front` or `sums` is shorter than that, or `groups` are of another list; when triangles were
 /// set up for another part of the picture.
-pub fn draw(list: List<'_>, canvas: PictureArea, front: &mut [u32], sums: &mut [u64]) {
+pub fn draw(list: DrawnSplats<'_>, canvas: PictureArea, front: &mut [u32], sums: &mut [u64]) {
     draw_by(Level::new(), list, canvas, (front, sums));
 }
 
 /// The same by vectors of a level.
 fn draw_by(
     level: Level,
-    list: List<'_>,
+    list: DrawnSplats<'_>,
     canvas: PictureArea,
     (front, sums): (&mut [u32], &mut [u64]),
 ) {
@@ -143,7 +143,7 @@ fn bands<'a>(
 #[inline(always)]
 fn draw_band<S: Simd, const GRAY: bool>(
     simd: S,
-    list: &List<'_>,
+    list: &DrawnSplats<'_>,
     canvas: &PictureArea,
     band: &mut FilteredBand<'_>,
 ) {
@@ -155,7 +155,7 @@ fn draw_band<S: Simd, const GRAY: bool>(
     for own in list.splats {
         near.extend(own.groups.in_rows(own.splats, [first, end]));
     }
-    let mut blocks = Blocks::of(&near);
+    let mut blocks = SplatBlocks::of(&near);
     while let Some(block) = blocks.next() {
         depth::draw(simd, &block, canvas, band);
     }
@@ -164,7 +164,7 @@ fn draw_band<S: Simd, const GRAY: bool>(
         near.iter()
             .for_each(|splats| large::leave_depths(splats, canvas, band));
     }
-    let mut blocks = Blocks::of(&near);
+    let mut blocks = SplatBlocks::of(&near);
     while let Some(block) = blocks.next() {
         blend::draw::<S, GRAY>(simd, &block, canvas, band);
     }

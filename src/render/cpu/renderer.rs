@@ -24,7 +24,7 @@ use crate::render::cpu::float_planes::{FloatPlanes, word_of};
 use crate::render::cpu::opaque;
 use crate::render::cpu::opaque::{CutMesh, ShownRectangle, SplatPlaces};
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
-use crate::render::cpu::triangles::{FrameLight, MeshVertices, SurfaceMesh, Triangles};
+use crate::render::cpu::triangles::{CutTriangles, FrameLight, MeshVertices, SurfaceMesh};
 use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::FrameContext;
 use crate::render::frame_plan::FramePlan;
@@ -77,7 +77,7 @@ pub struct CpuRenderer {
     triangle_ids: Vec<Vec<u32>>,
     /// Number of triangles that were set up.
     pub(super) triangles_given: usize,
-    triangles: Triangles,
+    triangles: CutTriangles,
     places: SplatPlaces,
     filtered: Vec<FilteredSplat>,
     front: Vec<u32>,
@@ -120,7 +120,7 @@ impl CpuRenderer {
             rest: LargeTriangles::new(),
             triangle_ids: Vec::new(),
             triangles_given: 0,
-            triangles: Triangles::default(),
+            triangles: CutTriangles::default(),
             places: SplatPlaces::default(),
             filtered: Vec::new(),
             front: Vec::new(),
@@ -268,7 +268,7 @@ impl CpuRenderer {
     ) -> DrawnCounts {
         let (settings, view) = (frame.settings, frame.view);
         let rect_px = frame.context.rect_px;
-        let Some(screen) = opaque::Screen::new(frame.constants, rect_px) else {
+        let Some(screen) = opaque::SplatScreen::new(frame.constants, rect_px) else {
             unreachable!("sides of pictures are limited");
         };
         let corners = frame.corner_screen();
@@ -337,7 +337,7 @@ impl CpuRenderer {
                 .iter()
                 .map(|mesh| mesh.undrawn.count_in(mesh.cut));
             undrawn_count = undrawn.sum();
-            let own = opaque::Splats {
+            let own = opaque::CutSplats {
                 meshes: &cut_meshes,
                 view,
                 plan: &plan,
@@ -461,7 +461,7 @@ impl CpuRenderer {
         let (count, words) = (canvas.pixels(), canvas.pixels() * canvas.words());
         self.front.resize(count.max(self.front.len()), 0);
         self.sums.resize(words.max(self.sums.len()), 0);
-        let list = filtered::List {
+        let list = filtered::DrawnSplats {
             splats: &splats,
             meshes: frame.meshes,
             triangles: &self.triangles,

@@ -7,7 +7,7 @@
 
 mod surface;
 
-pub(super) use self::surface::{FaceTexture, Surface, SurfaceMesh};
+pub(super) use self::surface::{FaceSurface, FaceTexture, SurfaceMesh};
 
 use crate::abi::FrameConstants;
 use crate::abi::constants::{
@@ -85,7 +85,7 @@ impl FrameLight {
 
 /// A triangle that may cover a center of a pixel, clockwise in the picture.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Face {
+pub(super) struct PictureFace {
     /// The first corner, steps of 1/256 pixel from the corner of the picture, and the others from there.
     pub(super) origin: [i32; 2],
     pub(super) others: [[i32; 2]; 2],
@@ -109,13 +109,13 @@ pub type MeshVertices<'a> = &'a [SurfaceMesh<'a>];
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NumberedFace<'a> {
     pub(super) part: &'a FacePart,
-    pub(super) face: &'a Face,
+    pub(super) face: &'a PictureFace,
     pub(super) number: u32,
 }
 
 /// The triangles of a cut, as [`crate::render::cpu::filtered::draw`] draws them; none by default. Memory is kept from cut to cut.
 #[derive(Debug, Default)]
-pub struct Triangles {
+pub struct CutTriangles {
     /// None where there are no triangles, or others are the device's.
     light: Option<FrameLight>,
     parts: Vec<FacePart>,
@@ -128,14 +128,14 @@ pub(super) struct FacePart {
     first: u32,
     /// Index of the mesh that they are of.
     mesh: usize,
-    faces: Vec<Face>,
+    faces: Vec<PictureFace>,
     /// The first row that those of each [`GROUP`] may cover, and one past the last.
     rows: Vec<[u32; 2]>,
     /// Of pieces of clipped triangles: the weights of the triangle's corners at those of the piece, a column each.
     clipped: Vec<Mat3>,
 }
 
-impl Triangles {
+impl CutTriangles {
     /// Becomes those with these ids in the light of a frame, clipped to what the frame can show. Without a light, of which
     /// [`FrameLight::new`] has none, it says so and becomes none, unless there are none.
     #[must_use]
@@ -143,7 +143,7 @@ impl Triangles {
         self.set_all(&[(model, ids)], light)
     }
 
-    /// As [`Triangles::set`], of several models; a triangle belongs to the mesh of its model's index.
+    /// As [`CutTriangles::set`], of several models; a triangle belongs to the mesh of its model's index.
     #[must_use]
     pub fn set_all(&mut self, drawn: &[(&Model, &[u32])], light: Option<FrameLight>) -> bool {
         self.light = light;
@@ -194,7 +194,7 @@ impl Triangles {
         })
     }
 
-    /// The one of a number that [`Triangles::near`] gave.
+    /// The one of a number that [`CutTriangles::near`] gave.
     pub(super) fn numbered(&self, number: u32) -> Option<NumberedFace<'_>> {
         let parts = self.parts.partition_point(|part| part.first <= number);
         let part = self.parts.get(parts.checked_sub(1)?)?;
@@ -235,7 +235,8 @@ impl Triangles {
                 if band.front[at] > depth.to_bits() {
                     return;
                 }
-                let surface = surface.get_or_insert_with(|| Surface::of(face, part, meshes, light));
+                let surface =
+                    surface.get_or_insert_with(|| FaceSurface::of(face, part, meshes, light));
                 let place = SurfacePlace {
                     pixel: [x, y],
                     weights: weights * face.inverse_w,
@@ -269,7 +270,7 @@ impl PictureArea {
     }
 }
 
-impl Face {
+impl PictureFace {
     fn rows(&self) -> [u32; 2] {
         [self.pixels[1], self.pixels[3]]
     }
@@ -306,16 +307,16 @@ impl Face {
     /// Twice the area, steps^2 of 1/256 pixel, and the functions of the edges opposite the corners, which are at their first
     /// value at the center of a pixel.
     #[inline]
-    pub(super) fn edges_from(&self, pixel: [u32; 2]) -> (f32, [Edge; 3]) {
+    pub(super) fn edges_from(&self, pixel: [u32; 2]) -> (f32, [FaceEdge; 3]) {
         let [second, third] = self.others.map(|corner| corner.map(i64::from));
         let area = (second[0] * third[1] - second[1] * third[0]) as f32;
         let center =
             |axis: usize| 256 * i64::from(pixel[axis]) + 128 - i64::from(self.origin[axis]);
         let first = [center(0), center(1)];
         let edges = [
-            Edge::new(second, third, first),
-            Edge::new(third, [0; 2], first),
-            Edge::new([0; 2], second, first),
+            FaceEdge::new(second, third, first),
+            FaceEdge::new(third, [0; 2], first),
+            FaceEdge::new([0; 2], second, first),
         ];
         (area, edges)
     }
@@ -340,7 +341,7 @@ impl Face {
 
 /// A function that is positive inside of an edge and proportional to the weight of the corner opposite.
 #[derive(Clone, Copy)]
-pub(super) struct Edge {
+pub(super) struct FaceEdge {
     /// At the first pixel, and by how much it grows to the next one of the row and of the column.
     pub(super) first: i64,
     pub(super) right: i64,
@@ -349,7 +350,7 @@ pub(super) struct Edge {
     pub(super) least: i64,
 }
 
-impl Edge {
+impl FaceEdge {
     fn new(from: [i64; 2], to: [i64; 2], at: [i64; 2]) -> Self {
         let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
         // A left edge runs up, a top edge to the right, with y down.
@@ -409,7 +410,7 @@ impl FrameLight {
         }
         part.rows.clear();
         part.rows.extend(part.faces.chunks(GROUP).map(|group| {
-            let rows = group.iter().map(Face::rows);
+            let rows = group.iter().map(PictureFace::rows);
             rows.fold([u32::MAX, 0], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
         }));
     }
@@ -429,7 +430,7 @@ impl FrameLight {
             let numbers = [0, 1, 2];
             if let Some(face) = self.face([a, b, c], numbers) {
                 let weights = face.corners.map(|number| piece[number as usize].weights);
-                part.faces.push(Face {
+                part.faces.push(PictureFace {
                     corners,
                     clipped: part.clipped.len() as u32,
                     ..face
@@ -445,7 +446,7 @@ impl FrameLight {
         &self,
         placed: [PlacedCorner; 3],
         [first, mut second, mut third]: [u32; 3],
-    ) -> Option<Face> {
+    ) -> Option<PictureFace> {
         let steps = placed.map(|corner| corner.steps.map(|steps| (steps + WHOLE - WHOLE) as i32));
         let [a, mut b, mut c] = placed;
         let origin = steps[0];
@@ -474,7 +475,7 @@ impl FrameLight {
             [first as u32, end.max(first) as u32]
         };
         let ([left, right], [top, bottom]) = (range(0, least_x, most_x), range(1, least_y, most_y));
-        (left < right && top < bottom).then(|| Face {
+        (left < right && top < bottom).then(|| PictureFace {
             origin,
             others,
             depth: Vec3::new(a.depth, b.depth, c.depth),
@@ -486,7 +487,7 @@ impl FrameLight {
     }
 
     /// Color and normal of a surface.
-    pub(super) fn point_at(&self, surface: &Surface<'_>, place: &SurfacePlace) -> ShadedPoint {
+    pub(super) fn point_at(&self, surface: &FaceSurface<'_>, place: &SurfacePlace) -> ShadedPoint {
         let normal = unit_or_zero(surface.normals * (place.weights / place.inverse_w()));
         ShadedPoint {
             color: self.color_at(surface, place),
@@ -496,7 +497,7 @@ impl FrameLight {
 
     /// Color of a surface.
     #[inline]
-    fn color_at(&self, surface: &Surface<'_>, place: &SurfacePlace) -> Vec3 {
+    fn color_at(&self, surface: &FaceSurface<'_>, place: &SurfacePlace) -> Vec3 {
         if self.shading.has_headlight() {
             return self.shade(surface, place.pixel, place.weights);
         }
@@ -513,7 +514,7 @@ impl FrameLight {
 
     /// What the headlight makes of a surface at a pixel, where corners have weights in proportion to these.
     #[inline]
-    fn shade(&self, surface: &Surface<'_>, [x, y]: [u32; 2], placed: Vec3) -> Vec3 {
+    fn shade(&self, surface: &FaceSurface<'_>, [x, y]: [u32; 2], placed: Vec3) -> Vec3 {
         let weights = placed / (placed.x + placed.y + placed.z);
         let normal = surface.normals * weights;
         let to_light = match self.is_parallel {

@@ -6,7 +6,7 @@ use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack;
 use crate::pack::falsecolor::depth_range;
-use crate::pack::splats::Record;
+use crate::pack::splats::SplatRecord;
 use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, Style};
 use crate::render::PictureOutputs;
 use crate::render::backdrop::BackgroundGradient;
@@ -335,7 +335,7 @@ impl BlendPasses {
 }
 
 /// The splats of a cut as records.
-fn packed_splats<R: Record + Copy + Send + Zeroable>(
+fn packed_splats<R: SplatRecord + Copy + Send + Zeroable>(
     model: &Model,
     cut: &Cut,
     view: &View,

@@ -12,7 +12,7 @@ use crate::pack::ColorBy;
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::CornerScreen;
 use crate::pack::splats;
-use crate::pack::splats::Packed;
+use crate::pack::splats::PackedSplats;
 use crate::pack::{filtered, fuzzy, ids};
 use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
 use crate::render::cost::select_passes::PassSelection;
@@ -51,7 +51,7 @@ pub(super) struct DrawLists {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PackedFrame {
     key: PackKey,
-    pub(super) packed: Packed,
+    pub(super) packed: PackedSplats,
     /// How many of them are triangles that cover one pixel.
     pub(super) samples: usize,
     /// Where compute draws fuzzy splats, what of them is where; then nothing is in `packed`.
@@ -407,7 +407,7 @@ impl DrawLists {
 /// Splats as they were written.
 #[derive(Debug, Default)]
 struct WrittenSplats {
-    packed: Packed,
+    packed: PackedSplats,
     /// Where triangles that cover one pixel became splats, how many did.
     samples: Option<usize>,
     placed: Option<fuzzy::PlacedFuzzy>,
@@ -440,14 +440,14 @@ pub(super) struct WrittenTriangles {
 }
 
 /// Writes the splats of all parts: points from the start of `out`, quads up to its end. `out` has the room that all need.
-fn pack_parts<R: splats::Record + Copy + Send>(
+fn pack_parts<R: splats::SplatRecord + Copy + Send>(
     parts: DrawnParts<'_>,
     cuts: &PartCuts,
     view: &View,
     plan: &splats::SplatPlan,
     out: &mut [R],
-) -> Packed {
-    let mut packed = Packed::default();
+) -> PackedSplats {
+    let mut packed = PackedSplats::default();
     for (part, cut) in parts.iter().zip(cuts.iter()) {
         // The quads of a part end where those of the parts before it begin.
         let end = out.len() - packed.quads;

@@ -13,7 +13,7 @@ use crate::gpu::buffer::{AnyBuffer, DeviceBuffer, UploadBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
-use crate::pack::splats::Packed;
+use crate::pack::splats::PackedSplats;
 use crate::render::vulkan::device_tree::{DeviceTree, page_of};
 use crate::render::vulkan::draw_lists::DrawLists;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
@@ -118,13 +118,13 @@ impl IdExpansion {
         frame: &mut FrameRecorder<'_>,
         (tree, scene): (&DeviceTree, &DeviceScene),
         ((ids, packed, capacity), out, kind): (
-            (&UploadBuffer, Packed, usize),
+            (&UploadBuffer, PackedSplats, usize),
             &DeviceBuffer,
             ExpandedKind,
         ),
         constants: ListConstants,
     ) -> Result<(), Error> {
-        let Packed { points, quads } = packed;
+        let PackedSplats { points, quads } = packed;
         let mut parts = Vec::new();
         for (first, count) in [(0, points), (capacity - quads, quads)] {
             if count > 0 {
@@ -262,7 +262,7 @@ mod tests {
     fn made(
         gpu: &Arc<Gpu>,
         (model, scene): (&Model, &DeviceScene),
-        (named, packed): (&[SplatId], Packed),
+        (named, packed): (&[SplatId], PackedSplats),
         kind: ExpandedKind,
     ) -> Vec<u32> {
         let tree = DeviceTree::new(gpu, model, scene).unwrap();
@@ -295,10 +295,10 @@ mod tests {
     }
 
     /// The words that the host writes, likewise.
-    fn written<R: splats::Record + bytemuck::Pod + Send>(
+    fn written<R: splats::SplatRecord + bytemuck::Pod + Send>(
         (model, cut): (&Model, &Cut),
         (view, plan): (&View, &SplatPlan),
-    ) -> (Vec<u32>, Packed) {
+    ) -> (Vec<u32>, PackedSplats) {
         let mut records = vec![R::zeroed(); splats::count(cut, plan)];
         let packed = splats::pack(model, cut, view, plan, &mut records);
         let (points, rest) = records.split_at(packed.points);

@@ -9,7 +9,7 @@ use crate::gpu::frame::{DrawRecorder, PassBuilder, UniformBlock};
 use crate::gpu::image::DeviceImage;
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::pack::fuzzy::PlacedFuzzy;
-use crate::pack::splats::Packed;
+use crate::pack::splats::PackedSplats;
 use crate::render::screen_bounds;
 use crate::render::vulkan::scene::{DeviceScene, ScenePage};
 use crate::render::vulkan::targets::Context;
@@ -95,7 +95,7 @@ pub(crate) struct SplatRecords<'a> {
 
 impl<'a> SplatRecords<'a> {
     /// Records of a list with room for `capacity`: points from its start, quads up to its end.
-    pub(crate) fn packed(buffer: &'a dyn AnyBuffer, packed: Packed, capacity: usize) -> Self {
+    pub(crate) fn packed(buffer: &'a dyn AnyBuffer, packed: PackedSplats, capacity: usize) -> Self {
         Self {
             buffer,
             points: RecordRange::new(0, packed.points),

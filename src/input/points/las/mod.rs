@@ -20,11 +20,11 @@ use rayon::prelude::*;
 
 use self::fields::{PointLayout, RecordBlock};
 use self::header::{LasHeader, PointPacking};
-use super::super::assemble::{Coordinates, Raw, StepGrid};
+use super::super::assemble::{FileCoordinates, RawMesh, StepGrid};
 use super::super::job::ReadJob;
 use super::super::part::PartFate;
 use super::super::polygon::PolygonRuns;
-use super::super::{Error, FileCounts, Format, Place, Warning};
+use super::super::{Error, FileCounts, FilePlace, Format, Warning};
 use super::keep_attributes;
 use crate::mesh::attributes::AttributeColumn;
 
@@ -53,7 +53,10 @@ impl PointSink {
 }
 
 /// Reads a LAS or LAZ file.
-pub(in super::super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(
+    job: &mut ReadJob<'_>,
+    data: &[u8],
+) -> Result<(Format, RawMesh), Error> {
     let header = LasHeader::parse(job, data)?;
     let layout = PointLayout::of(&header);
     let mut sink = PointSink {
@@ -75,7 +78,7 @@ pub(in super::super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Form
     let found = sink.steps.len() as u64;
     if found != header.points {
         if found == 0 && header.points > 0 {
-            let place = Place::Byte(header.points_at as u64);
+            let place = FilePlace::Byte(header.points_at as u64);
             return Err(job.truncated(place, format!("{} points", header.points)));
         }
         job.warn(Warning::CountContradicts {
@@ -86,8 +89,8 @@ pub(in super::super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Form
     }
     keep_attributes(job, sink.columns);
     let colors = bytes_of_colors(job, &sink.colors);
-    let raw = Raw {
-        coordinates: Coordinates::Steps(StepGrid {
+    let raw = RawMesh {
+        coordinates: FileCoordinates::Steps(StepGrid {
             steps: sink.steps,
             scale: DVec3::from_array(header.scale),
             offset: DVec3::from_array(header.offset),

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::super::super::job::ReadJob;
 use super::super::super::stream::{RowFile, boxed};
-use super::super::super::{Error, Place};
+use super::super::super::{Error, FilePlace};
 use super::super::guard::guarded;
 use super::super::{bytes_at, check_unpacked};
 use super::fields::{PointLayout, RecordBlock};
@@ -59,7 +59,7 @@ pub(super) fn read(
     let PointPacking::LasZip { record, .. } = &header.packing else {
         return Ok(());
     };
-    let place = Place::Byte(header.points_at as u64);
+    let place = FilePlace::Byte(header.points_at as u64);
     let vlr = guarded(|| LazVlr::from_buffer(record).map_err(|error| error.to_string()))
         .map_err(|reason| job.syntax(place, format!("the record of the packing: {reason}")))?;
     check_items(job, header, &vlr)?;
@@ -84,7 +84,7 @@ pub(super) fn read(
         None if vlr.uses_variable_size_chunks()
             && points.compressor != CompressorType::LayeredChunked =>
         {
-            Err(job.truncated(Place::Byte(data.len() as u64), "the table of chunks"))
+            Err(job.truncated(FilePlace::Byte(data.len() as u64), "the table of chunks"))
         }
         None => {
             let size = u64::from(vlr.chunk_size());
@@ -110,7 +110,7 @@ fn check_items(job: &ReadJob<'_>, header: &LasHeader, vlr: &LazVlr) -> Result<()
         return Ok(());
     }
     Err(job.syntax(
-        Place::Byte(105),
+        FilePlace::Byte(105),
         format!(
             "packed points of {size} bytes, where the header says {}",
             header.record_bytes
@@ -191,7 +191,7 @@ pub(super) fn packed_chunks(
     let PointPacking::LasZip { record, .. } = &header.packing else {
         return Ok(None);
     };
-    let place = Place::Byte(header.points_at as u64);
+    let place = FilePlace::Byte(header.points_at as u64);
     let vlr = guarded(|| LazVlr::from_buffer(record).map_err(|error| error.to_string()))
         .map_err(|reason| job.syntax(place, format!("the record of the packing: {reason}")))?;
     check_items(job, header, &vlr)?;
@@ -258,7 +258,7 @@ impl PackedChunks {
                 .collect();
             for (chunk, unpacked) in batch.iter().zip(unpacked) {
                 if let Some(reason) = unpacked.failure {
-                    let place = Place::Byte(chunk.start as u64);
+                    let place = FilePlace::Byte(chunk.start as u64);
                     let reason =
                         format!("the packed points of this chunk cannot be unpacked: {reason}");
                     return Err(boxed(job.syntax(place, reason)));
@@ -299,7 +299,7 @@ fn read_chunks(
         job.report(batch.last().map_or(0, |chunk| chunk.end))?;
         for (chunk, unpacked) in batch.iter().zip(unpacked) {
             if let Some(reason) = unpacked.failure {
-                let place = Place::Byte(chunk.start as u64);
+                let place = FilePlace::Byte(chunk.start as u64);
                 let reason =
                     format!("the packed points of this chunk cannot be unpacked: {reason}");
                 return Err(job.syntax(place, reason));

@@ -10,12 +10,12 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use self::dialect::{LineKind, TextDialect};
-use super::super::assemble::Raw;
+use super::super::assemble::RawMesh;
 use super::super::color::ColorRange;
 use super::super::job::ReadJob;
 use super::super::job::at_line;
-use super::super::part::{Fault, PartFate};
-use super::super::text::Scanner;
+use super::super::part::{PartFate, PartFault};
+use super::super::text::TextScanner;
 use super::super::{Error, Format, Warning};
 use super::roles::{ColumnRole, kind_of};
 use super::sink::{CloudSink, TableBlock};
@@ -69,7 +69,10 @@ impl ScanPose {
 }
 
 /// Reads a cloud of text.
-pub(in super::super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(
+    job: &mut ReadJob<'_>,
+    data: &[u8],
+) -> Result<(Format, RawMesh), Error> {
     let is_ptx = ptx_head(data, 0).is_some();
     let start = match ptx_head(data, 0) {
         Some(head) => head.points_at,
@@ -117,7 +120,9 @@ pub(in super::super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Form
     let first = state.first_bad.unwrap_or(0);
     if state.bad_lines > 0 {
         job.inventory
-            .fault(Fault::POINT_LINE, state.bad_lines, || at_line(data, first));
+            .fault(PartFault::POINT_LINE, state.bad_lines, || {
+                at_line(data, first)
+            });
     }
     sink.points = sink.positions.len() as u64 + state.holes;
     sink.holes = state.holes;
@@ -154,7 +159,7 @@ fn plan(job: &ReadJob<'_>, dialect: TextDialect, is_ptx: bool) -> Result<TextPla
         |role: fn(usize) -> ColumnRole| Some([find(&role(0))?, find(&role(1))?, find(&role(2))?]);
     let Some(position) = three(ColumnRole::Position) else {
         return Err(job.syntax(
-            super::super::Place::Line(1),
+            super::super::FilePlace::Line(1),
             "no line of three numbers was found in the first 64 lines",
         ));
     };
@@ -213,7 +218,7 @@ impl TextPlan {
     /// The points of a piece of whole lines.
     fn block(&self, data: &[u8], piece: std::ops::Range<usize>, pose: ScanPose) -> TextBlock {
         let mut out = TextBlock::default();
-        let mut scanner = Scanner::new(&data[..piece.end], piece.start);
+        let mut scanner = TextScanner::new(&data[..piece.end], piece.start);
         let wanted = self.dialect.columns.len();
         let mut numbers = Vec::with_capacity(wanted + 1);
         let mut columns = vec![Vec::new(); self.attributes.len()];
@@ -265,7 +270,7 @@ struct PtxHead {
 /// The head that begins at `at`; `None` where none does.
 fn ptx_head(data: &[u8], at: usize) -> Option<PtxHead> {
     let end = data.len().min(at + 4096);
-    let mut scanner = Scanner::new(&data[..end], at);
+    let mut scanner = TextScanner::new(&data[..end], at);
     let mut rows: Vec<Vec<f64>> = Vec::new();
     while rows.len() < PTX_HEAD {
         let (line, _) = scanner.line()?;

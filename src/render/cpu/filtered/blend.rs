@@ -47,8 +47,8 @@ pub(super) fn draw<S: Simd, const GRAY: bool>(
     let is_short = columns.simd_le(ROW as f32)
         & rows.simd_le(ROW as f32)
         & last.simd_le(band.front.len() as i32 - ROW as i32);
-    let across = Axis::new(simd, low_x + 0.5 - x, wide, columns);
-    let down = Axis::new(simd, low_y + 0.5 - y, high, rows);
+    let across = AxisOverlaps::new(simd, low_x + 0.5 - x, wide, columns);
+    let down = AxisOverlaps::new(simd, low_y + 0.5 - y, high, rows);
     let (across_four, down_four) = (across.with_four(simd), down.with_four(simd));
     let at = at.to_array();
     let depth: [u32; BLOCK] = depth.to_bits().to_array();
@@ -100,7 +100,7 @@ fn clamped<S: Simd>(v: f32x16<S>, least: f32, most: f32) -> f32x16<S> {
 
 /// The overlaps of splats with pixels along one axis.
 #[derive(Clone, Copy)]
-struct Axis<S: Simd> {
+struct AxisOverlaps<S: Simd> {
     /// From the center to that of the first pixel.
     from: f32x16<S>,
     /// From where on there is none.
@@ -110,7 +110,7 @@ struct Axis<S: Simd> {
     count: f32x16<S>,
 }
 
-impl<S: Simd> Axis<S> {
+impl<S: Simd> AxisOverlaps<S> {
     #[inline(always)]
     fn new(simd: S, from: f32x16<S>, extent: f32x16<S>, count: f32x16<S>) -> Self {
         Self {
@@ -159,7 +159,7 @@ impl<S: Simd> Axis<S> {
     }
 }
 
-/// An [`Axis`] of one splat.
+/// An [`AxisOverlaps`] of one splat.
 #[derive(Clone, Copy)]
 struct SplatAxis {
     from: f32,

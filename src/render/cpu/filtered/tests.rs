@@ -153,13 +153,13 @@ fn drawn(level: Level, splats: &[FilteredSplat], canvas: PictureArea) -> Drawn {
     others.add(first.len() + 1, second);
     groups.append(others);
     let storage = (&mut front[..], &mut sums[..]);
-    let list = List {
+    let list = DrawnSplats {
         splats: &[GroupedSplats {
             splats: &list,
             groups: &groups,
         }],
         meshes: &[],
-        triangles: &Triangles::default(),
+        triangles: &CutTriangles::default(),
     };
     draw_by(level, list, canvas, storage);
     assert_eq!(front.split_off(canvas.pixels()), [7; 9]);

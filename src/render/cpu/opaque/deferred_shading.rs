@@ -2,8 +2,8 @@
 
 use crate::cut::StripRun;
 use crate::pack::parallel;
-use crate::pack::splats::{Named, Out, PackedPart, Writer};
-use crate::render::cpu::opaque::headlight::{FrameHeadlight, Surfaces};
+use crate::pack::splats::{NumberedSplat, PackedPart, SplatOutput, SplatWriter};
+use crate::render::cpu::opaque::headlight::{BlockSurfaces, FrameHeadlight};
 use crate::render::cpu::opaque::splat_bounds::{BLOCK, Row};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 /// Splats of a cut that one thread looks at, and what writes them.
 #[derive(Clone, Copy)]
 pub(super) struct WrittenPart<'a> {
-    pub(super) writer: &'a Writer<'a>,
+    pub(super) writer: &'a SplatWriter<'a>,
     pub(super) part: PackedPart<'a>,
     /// Most splats that it has.
     pub(super) count: usize,
@@ -32,14 +32,14 @@ struct BlockShader<'a, P> {
     /// Of a block.
     own_places: [usize; BLOCK],
     centers: [Row; 3],
-    surfaces: Surfaces,
+    surfaces: BlockSurfaces,
 }
 
-impl<P: Iterator<Item = usize>> Out for BlockShader<'_, P> {
+impl<P: Iterator<Item = usize>> SplatOutput for BlockShader<'_, P> {
     const HAS_THICKNESS: bool = false;
 
     #[inline(always)]
-    fn point(&mut self, named: &Named) {
+    fn point(&mut self, named: &NumberedSplat) {
         let splat = &named.splat;
         let Some(place) = self.places.next() else {
             return;
@@ -56,7 +56,7 @@ impl<P: Iterator<Item = usize>> Out for BlockShader<'_, P> {
     }
 
     #[inline(always)]
-    fn quad(&mut self, named: &Named) {
+    fn quad(&mut self, named: &NumberedSplat) {
         self.point(named);
     }
 }
@@ -115,7 +115,7 @@ pub(super) fn shade(
             len: 0,
             own_places: [0; BLOCK],
             centers: [[0.0; BLOCK]; 3],
-            surfaces: Surfaces::NOTHING,
+            surfaces: BlockSurfaces::NOTHING,
         };
         write(writer, part, seen, &mut shader);
         shader.flush();
@@ -123,7 +123,12 @@ pub(super) fn shade(
 }
 
 /// Writes those of a part that are marked.
-fn write(writer: &Writer<'_>, part: PackedPart<'_>, seen: &[AtomicU8], out: &mut impl Out) {
+fn write(
+    writer: &SplatWriter<'_>,
+    part: PackedPart<'_>,
+    seen: &[AtomicU8],
+    out: &mut impl SplatOutput,
+) {
     let marked = |ids: &[u32]| -> Vec<u32> {
         let ids = ids.iter().zip(seen).filter(|(_, seen)| is_marked(seen));
         ids.map(|(&id, _)| id).collect()

@@ -1,7 +1,7 @@
 //! What is drawn: color and depth of each pixel.
 
 use crate::render::cpu::opaque::bands::BAND_PX;
-use crate::render::cpu::opaque::viewport::Screen;
+use crate::render::cpu::opaque::viewport::SplatScreen;
 
 /// What is shown in the rectangle of a screen.
 #[derive(Debug)]
@@ -29,7 +29,7 @@ impl ShownRectangle<'_> {
     }
 
     /// Bands of rows.
-    pub(super) fn bands(self, screen: &Screen) -> impl ExactSizeIterator<Item = Self> {
+    pub(super) fn bands(self, screen: &SplatScreen) -> impl ExactSizeIterator<Item = Self> {
         let (pixels, width, pitch) = (screen.pixels(), screen.width(), self.pitch);
         let is_begun = self.is_begun;
         let behind = match pixels {

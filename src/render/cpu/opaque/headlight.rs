@@ -57,14 +57,14 @@ impl FrameHeadlight {
 }
 
 /// What the surfaces of a block of splats are like: normals and colors as [`Splat`] has them.
-pub(super) struct Surfaces {
+pub(super) struct BlockSurfaces {
     normals: [i32; BLOCK],
     /// What the codes of normals leave out, see `shaders/compute/resolve_splats.frag`; 0: nothing.
     fine: [i32; BLOCK],
     colors: [i32; BLOCK],
 }
 
-impl Surfaces {
+impl BlockSurfaces {
     pub(super) const NOTHING: Self = Self {
         normals: [0; BLOCK],
         fine: [0; BLOCK],
@@ -128,7 +128,7 @@ impl Surfaces {
     }
 }
 
-impl Surfaces {
+impl BlockSurfaces {
     /// Decodes normals of splats number `at` and on, as many as a vector has, and half the thickness of their patches of surface over
     /// their radius. Normals have any length, 0 where there is none.
     #[inline(always)]

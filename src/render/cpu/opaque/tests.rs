@@ -19,7 +19,7 @@ const SIZE: [u32; 2] = [90, 110];
 const RECT: [u32; 4] = [7, 0, 85, 104];
 
 /// A camera at (0, 0, 3) that looks to where z falls, with depth 1 at a distance of 0.5.
-fn screen(size_px: f32) -> Screen {
+fn screen(size_px: f32) -> SplatScreen {
     let [width, height] = SIZE.map(|v| v as f32);
     let view = Mat4::from_translation(Vec3::new(0.0, 0.1, -3.0));
     let clip = Mat4::from_cols_array_2d(&[
@@ -40,11 +40,15 @@ fn screen(size_px: f32) -> Screen {
         splat_size_px: size_px,
         ..FrameConstants::zeroed()
     };
-    Screen::new(&frame, RECT).unwrap()
+    SplatScreen::new(&frame, RECT).unwrap()
 }
 
 /// The keys of a list as `shaders/compute/splats.comp` leaves them, splat by splat and pixel by pixel.
-fn expected(splats: &[Splat], (look, samples): (SplatShape, usize), screen: &Screen) -> Vec<u64> {
+fn expected(
+    splats: &[Splat],
+    (look, samples): (SplatShape, usize),
+    screen: &SplatScreen,
+) -> Vec<u64> {
     let [left, top, right, bottom] = screen.rect_px;
     let mut keys = vec![0; screen.pixels()];
     for (number, splat) in splats.iter().enumerate() {
@@ -102,7 +106,7 @@ const MORE: usize = 5;
 
 impl Planes {
     /// What was there is not looked at.
-    fn of(screen: &Screen) -> Self {
+    fn of(screen: &SplatScreen) -> Self {
         let (width, pixels) = (screen.width(), screen.pixels());
         let pitch = width + MORE;
         Self {
@@ -217,10 +221,12 @@ fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
                     let mut planes = Planes::of(&screen);
                     let own = splats.split_at(count - samples);
                     let parts = own.0.chunks(parallel::PART);
-                    let parts = parts.map(|part| (Source::List(part), part.len())).collect();
+                    let parts = parts
+                        .map(|part| (ListedSplats::List(part), part.len()))
+                        .collect();
                     let list = (parts, look, own.1);
                     let (frame, out) = ((&screen, &light), (&mut places, planes.picture()));
-                    draw_by(level, list, frame, Known::Places, out);
+                    draw_by(level, list, frame, KnownSplats::Places, out);
                     let keys = planes.keys();
                     covered += keys.iter().filter(|&&key| key != 0).count();
                     if let Some(wanted) = &wanted {
@@ -354,7 +360,7 @@ fn a_cut_is_drawn_as_its_list() {
             numbers[3] += count - packed.points;
             list.extend(&samples);
             let own = list.split_at(packed.points);
-            let parts = vec![(Source::List(own.0), packed.points)];
+            let parts = vec![(ListedSplats::List(own.0), packed.points)];
             let look = SplatShape {
                 footprint,
                 has_one_size: true,
@@ -365,12 +371,12 @@ fn a_cut_is_drawn_as_its_list() {
                 Level::new(),
                 found,
                 frame,
-                Known::Places,
+                KnownSplats::Places,
                 (&mut places, planes.picture()),
             );
             let keys = planes.keys();
             for are_seen in [false, true] {
-                let splats = Splats {
+                let splats = CutSplats {
                     meshes: &[CutMesh {
                         model: &model,
                         undrawn: &undrawn,
@@ -458,13 +464,13 @@ fn ovals_cover_what_rays_meet() {
                 footprint: Footprint::Oriented,
                 has_one_size: false,
             };
-            let parts = vec![(Source::List(std::slice::from_ref(&splat)), 1)];
+            let parts = vec![(ListedSplats::List(std::slice::from_ref(&splat)), 1)];
             let out = (&mut places, planes.picture());
             draw_by(
                 level,
                 (parts, look, &[]),
                 (&screen, &light),
-                Known::Colors,
+                KnownSplats::Colors,
                 out,
             );
             let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| [x, y]));
@@ -490,7 +496,7 @@ fn ovals_cover_what_rays_meet() {
 #[test]
 fn what_is_too_wide_for_its_numbers_is_not_drawn() {
     let frame = FrameConstants::zeroed();
-    assert!(Screen::new(&frame, [3, 0, 3, 65_535]).is_some());
-    assert!(Screen::new(&frame, [0, 0, 65_536, 2]).is_none());
-    assert!(Screen::new(&frame, [5, 0, 4, 2]).is_none());
+    assert!(SplatScreen::new(&frame, [3, 0, 3, 65_535]).is_some());
+    assert!(SplatScreen::new(&frame, [0, 0, 65_536, 2]).is_none());
+    assert!(SplatScreen::new(&frame, [5, 0, 4, 2]).is_none());
 }

@@ -26,7 +26,7 @@ impl CpuRenderer {
     ) -> DrawnCounts {
         let settings = frame.settings;
         let rect_px = frame.context.rect_px;
-        let Some(screen) = opaque::Screen::new(frame.constants, rect_px) else {
+        let Some(screen) = opaque::SplatScreen::new(frame.constants, rect_px) else {
             unreachable!("sides of pictures are limited");
         };
         let plan = splat_plan(settings, f32::INFINITY);

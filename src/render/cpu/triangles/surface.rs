@@ -1,6 +1,6 @@
 //! What triangles are like: normals and colors of their corners, and their textures.
 
-use super::{Edge, Face, FacePart, FrameLight, MeshVertices};
+use super::{FaceEdge, FacePart, FrameLight, MeshVertices, PictureFace};
 use crate::abi::Vertex;
 use crate::math::octahedral;
 use crate::textures::{TextureImage, WeightSteps};
@@ -25,7 +25,7 @@ impl<'a> SurfaceMesh<'a> {
 }
 
 /// What the corners of a triangle are like.
-pub(in crate::render::cpu) struct Surface<'m> {
+pub(in crate::render::cpu) struct FaceSurface<'m> {
     /// In view space; zero where there is none, which leaves the others to decide.
     pub(in crate::render::cpu) normals: Mat3,
     pub(in crate::render::cpu) colors: Mat3,
@@ -52,7 +52,7 @@ impl FaceTexture<'_> {
 
 impl<'m> FaceTexture<'m> {
     /// Texture of a face, if it has one. `clipped` is as in [`FacePart::clipped`].
-    fn of(face: &Face, mesh: SurfaceMesh<'m>, clipped: Option<&Mat3>) -> Option<Self> {
+    fn of(face: &PictureFace, mesh: SurfaceMesh<'m>, clipped: Option<&Mat3>) -> Option<Self> {
         let (image, places) = mesh.textures?.of_triangle(face.corners)?;
         let places = match clipped {
             Some(weights) => [weights.x_axis, weights.y_axis, weights.z_axis].map(|weights| {
@@ -61,7 +61,7 @@ impl<'m> FaceTexture<'m> {
             None => places,
         };
         let (area, edges) = face.edges_from([face.pixels[0], face.pixels[1]]);
-        let of = |step: fn(&Edge) -> i64| {
+        let of = |step: fn(&FaceEdge) -> i64| {
             let steps = [0, 1, 2].map(|i: usize| step(&edges[i]) as f32 / area);
             Vec3::from_array(steps) * face.inverse_w
         };
@@ -76,9 +76,9 @@ impl<'m> FaceTexture<'m> {
     }
 }
 
-impl<'m> Surface<'m> {
+impl<'m> FaceSurface<'m> {
     pub(in crate::render::cpu) fn of(
-        face: &Face,
+        face: &PictureFace,
         part: &FacePart,
         meshes: MeshVertices<'m>,
         light: &FrameLight,

@@ -6,7 +6,7 @@ use crate::abi::constants::{
     FLAG_COLOR_BY_DEPTH, FLAG_COLOR_BY_LEVEL, FLAG_COLOR_BY_NORMAL, FLAG_PHONG,
 };
 use crate::math::octahedral;
-use crate::render::cpu::filtered::{List, draw};
+use crate::render::cpu::filtered::{DrawnSplats, draw};
 use crate::render::cpu::triangles::*;
 use bytemuck::Zeroable;
 use std::ops::Range;
@@ -72,10 +72,10 @@ struct Drawn {
     sums: Vec<u64>,
 }
 
-fn drawn(triangles: &Triangles, model: &Model, canvas: PictureArea) -> Drawn {
+fn drawn(triangles: &CutTriangles, model: &Model, canvas: PictureArea) -> Drawn {
     let mut front = vec![7; canvas.pixels()];
     let mut sums = vec![7; canvas.pixels() * canvas.words()];
-    let list = List {
+    let list = DrawnSplats {
         splats: &[],
         meshes: &[SurfaceMesh::of(model)],
         triangles,
@@ -106,7 +106,7 @@ fn neighbors_neither_overlap_nor_leave_a_gap() {
             is_gray: true,
         };
         let frame = frame(0);
-        let mut triangles = Triangles::default();
+        let mut triangles = CutTriangles::default();
         // Of both sides, and those that are counter-clockwise, which are all.
         for dropped in [0, 1, -1] {
             let light = light(&frame, rect_px, dropped);
@@ -146,7 +146,7 @@ fn a_center_on_an_edge_belongs_to_the_top_and_to_the_left() {
         triangles: vec![[0, 1, 2], [2, 3, 0]],
         ..Model::default()
     };
-    let mut triangles = Triangles::default();
+    let mut triangles = CutTriangles::default();
     assert!(triangles.set(&model, &[0, 1], Some(light(&frame(0), rect_px, 0))));
     let drawn = drawn(&triangles, &model, canvas);
     for (at, sums) in (0..).zip(drawn.sums.chunks_exact(2)) {
@@ -180,7 +180,7 @@ fn depth_and_shade_are_those_of_the_plane() {
         (FLAG_COLOR_BY_PRIMITIVE | FLAG_USE_COLORS, false),
     ] {
         let frame = frame(flags);
-        let mut triangles = Triangles::default();
+        let mut triangles = CutTriangles::default();
         assert!(triangles.set(&model, &[0, 1], Some(light(&frame, rect_px, 0))));
         let drawn = drawn(&triangles, &model, PictureArea { rect_px, is_gray });
         let albedo = match flags {
@@ -238,7 +238,7 @@ fn what_the_near_plane_cuts_is_clipped() {
     let behind_too = add(&mut model, -3.0..2.0, 0.3);
     let behind = add(&mut model, 2.0..3.0, 0.3);
     let far_out = add(&mut model, -3.0..-2.0, 2000.0);
-    let mut triangles = Triangles::default();
+    let mut triangles = CutTriangles::default();
     let mut alone = |id: u32| {
         assert!(triangles.set(&model, &[id], Some(light)));
         let mut pixels = Vec::new();
