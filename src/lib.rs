@@ -15,11 +15,11 @@
 //! # From a file to a picture, without a window
 //!
 //! ```no_run
-//! use surfel::progress::Silent;
+//! use surfel::progress::SilentProgress;
 //! use surfel::render::engine::{Backend, Engine};
 //!
 //! fn main() -> Result<(), surfel::Error> {
-//!     let model = surfel::open("horse.ply", &Default::default(), &Silent)?.model;
+//!     let model = surfel::open("horse.ply", &Default::default(), &SilentProgress)?.model;
 //!     let camera = model.orbit_camera((800, 600), 0.5, 0.35, 1.0);
 //!     let backend = Backend::open(&Default::default())?;
 //!     let mut engine = Engine::new(&backend, &model, (800, 600), Default::default())?;

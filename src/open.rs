@@ -17,7 +17,7 @@ pub use stream::{OpenedStream, external_options, open_stream};
 
 use crate::Error;
 use crate::generate::{self, ShapeSpec};
-use crate::input::{self, FileCounts, FilePart, Format, InputStream, PointFilter, Warning};
+use crate::input::{self, FileCounts, FilePart, Format, InputStream, PointFilter, ReadWarning};
 use crate::math::camera::Camera;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
@@ -43,7 +43,7 @@ use std::time::Instant;
 #[derive(Debug, Clone, Default)]
 pub struct OpenOptions {
     /// Options of reading files, and limits.
-    pub input: input::Options,
+    pub input: input::ReadOptions,
     /// Let the first view frame everything, however far off ([`Model::framed`] is then `None`).
     pub frame_all: bool,
     /// Leave the pages of a paged tree file where they are: the model then stands in for them, and
@@ -194,7 +194,9 @@ impl UpGuess {
             reason: "",
         };
         match format {
-            SourceFormat::Generated | SourceFormat::Mesh(Format::Gltf | Format::Glb) => return y,
+            SourceFormat::Generated | SourceFormat::Mesh(Format::Gltf | Format::Glb) => {
+                return y;
+            }
             SourceFormat::Mesh(
                 Format::Las | Format::Laz | Format::Copc | Format::E57 | Format::Ptx,
             ) => return z("surveys have it so"),
@@ -238,7 +240,7 @@ pub struct OpenedModel {
     /// Numbers of things that the source holds, before anything was divided, merged or left out.
     pub counts: FileCounts,
     /// Warnings of what was repaired or left out.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ReadWarning>,
     /// Parts of the file, and what became of each; empty where it is no model file.
     pub parts: Vec<FilePart>,
     /// Attributes of the points of a cloud beside position, normal and color, in the order of the model's vertices; empty for
@@ -334,7 +336,7 @@ pub fn open_with_preview(
         model.framed = None;
     }
     if let Some(part) = model.framed {
-        warnings.push(Warning::FarOff {
+        warnings.push(ReadWarning::FarOff {
             vertices: part.far_vertices,
             sizes: part.farthest / (2.0 * part.radius).max(f32::MIN_POSITIVE),
         });
@@ -393,7 +395,7 @@ struct SourceContent {
     format: SourceFormat,
     file_bytes: u64,
     counts: FileCounts,
-    warnings: Vec<Warning>,
+    warnings: Vec<ReadWarning>,
     parts: Vec<FilePart>,
     attributes: PointAttributes,
     paged: Option<PagedFile>,

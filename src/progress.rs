@@ -17,9 +17,9 @@ pub trait Progress: Sync {
 
 /// Reports nothing and never cancels.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Silent;
+pub struct SilentProgress;
 
-impl Progress for Silent {
+impl Progress for SilentProgress {
     fn stage(&self, _name: &str, _total: u64) {}
     fn advance(&self, _amount: u64) {}
 }

@@ -19,7 +19,7 @@ use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::gpu::device::DeviceKind;
 use surfel::gpu::{DeviceOptions, Error};
 use surfel::image::{FloatImage, Image, difference_picture};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::cost::model::DrawCosts;
 use surfel::render::engine::{Backend, Engine};
@@ -30,7 +30,7 @@ const SIDE: u32 = 128;
 fn models() -> Vec<(&'static str, Model)> {
     let build = |spec: ShapeSpec| {
         let mesh = surfel::generate::mesh(&spec);
-        tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+        tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
     };
     vec![
         (

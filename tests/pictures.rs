@@ -8,7 +8,7 @@ use common::{generated, orbit};
 use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
-use surfel::pack::{ALBEDO, Lighting, Phong};
+use surfel::pack::{ALBEDO, Phong, SurfaceLighting};
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Blend, Culling, Settings, SplatKind};
 use surfel::tree::Model;
@@ -107,7 +107,7 @@ fn every_oracle_sees_another_input_of_the_reference() {
             usual(),
             view,
             Settings {
-                light: Lighting::Phong(Phong::default()),
+                light: SurfaceLighting::Phong(Phong::default()),
                 ..usual()
             },
         ),

@@ -47,7 +47,7 @@ use surfel::math::camera::View;
 use surfel::measure::profile::{FrameProfile, ProfileError, ProfilePlan, ProfileProof};
 use surfel::measure::report::ProfileReport;
 use surfel::measure::trace;
-use surfel::progress::{Progress, Silent};
+use surfel::progress::{Progress, SilentProgress};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameStage;
@@ -86,7 +86,7 @@ fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings
         },
         _ => ProfileProof::default(),
     };
-    FrameProfile::run(backend, &mut engine, &plan, proof, &Silent).unwrap()
+    FrameProfile::run(backend, &mut engine, &plan, proof, &SilentProgress).unwrap()
 }
 
 fn settings(method: Method, splat: SplatKind) -> Settings {
@@ -427,7 +427,7 @@ fn the_mirror_has_stages_and_counts() {
         &mut engine,
         &plan,
         ProfileProof::default(),
-        &Silent,
+        &SilentProgress,
     )
     .unwrap();
     assert_eq!(ProfileReport::of(&empty).frames, 0);

@@ -16,7 +16,7 @@ use surfel::measure::motion::{
 };
 use surfel::measure::temporal::{PictureSequence, SequenceFigures, TemporalRules};
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Method, Reconstruction, Settings, SplatKind, cut_key};
@@ -68,7 +68,7 @@ fn name(s: &Settings) -> String {
 }
 
 fn build(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 fn models() -> Vec<(&'static str, Model)> {
@@ -86,7 +86,7 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
     let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 50_000).unwrap();
     let mut meshes = vec![("statue", surfel::generate::mesh(&spec))];
     if let Some(path) = common::models::real_file("thesis/horse.ply") {
-        let horse = input::load(&path, &input::Options::default(), &Silent).unwrap();
+        let horse = input::load(&path, &input::ReadOptions::default(), &SilentProgress).unwrap();
         meshes.push(("horse", horse.mesh));
     }
     meshes
@@ -258,7 +258,7 @@ fn through_the_loader(mesh: &Mesh, offset: DVec3) -> Mesh {
     }
     let mut file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
     std::io::Write::write_all(&mut file, text.as_bytes()).unwrap();
-    let loaded = input::load(file.path(), &input::Options::default(), &Silent).unwrap();
+    let loaded = input::load(file.path(), &input::ReadOptions::default(), &SilentProgress).unwrap();
     assert!(
         loaded.mesh.origin.length() > 1e6,
         "the loader moved the origin"
@@ -354,7 +354,7 @@ fn along(
         rules: TemporalRules::default(),
     };
     let mut engine = Engine::new(backend, model, SIZE, PictureOutputs::default()).unwrap();
-    motion::measure(&mut engine, model, &plan, &Silent).unwrap()
+    motion::measure(&mut engine, model, &plan, &SilentProgress).unwrap()
 }
 
 /// Closed forms of the measure on real renders: a picture against itself, a camera at rest, a threshold that changes

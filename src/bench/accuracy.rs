@@ -336,7 +336,7 @@ mod tests {
     use super::super::verdict::BenchVerdict;
     use super::*;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{self, BuildOptions};
 
     fn found(name: &str, ms: f64, flip: f64, psnr_db: f64) -> FoundThreshold {
@@ -352,7 +352,12 @@ mod tests {
     #[test]
     fn ahead_behind_and_out_of_reach() {
         let spec = ShapeSpec::with_triangles(GeneratedShape::Square, 2).unwrap();
-        let model = tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap();
+        let model = tree::build(
+            generate::mesh(&spec),
+            &BuildOptions::default(),
+            &SilentProgress,
+        )
+        .unwrap();
         let case = BenchCase {
             name: "square",
             model: &model,

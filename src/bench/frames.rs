@@ -252,7 +252,7 @@ mod tests {
 
     use super::*;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::render::PictureOutputs;
     use crate::render::engine::Backend;
     use crate::tree::{self, BuildOptions};
@@ -282,7 +282,7 @@ mod tests {
     fn what_is_rare_is_drawn_from_each_of_few_views() {
         let spec = ShapeSpec::with_triangles(GeneratedShape::Sphere, 1000).unwrap();
         let options = BuildOptions::default();
-        let model = tree::build(generate::mesh(&spec), &options, &Silent).unwrap();
+        let model = tree::build(generate::mesh(&spec), &options, &SilentProgress).unwrap();
         let size = (20, 20);
         let mut engine =
             Engine::new(&Backend::Mirror, &model, size, PictureOutputs::default()).unwrap();
@@ -294,7 +294,7 @@ mod tests {
         let lines = [line(true), line(false)];
         let mut seen = |count, is_full| {
             let views = views(&model, size, 1.0, count).unwrap();
-            let (drawn, _) = draw(&mut engine, &lines, &views, is_full, &Silent).unwrap();
+            let (drawn, _) = draw(&mut engine, &lines, &views, is_full, &SilentProgress).unwrap();
             let of = |frames: &BenchFrames| frames.iter().map(|frame| frame.0).collect::<Vec<_>>();
             [of(&drawn[0]), of(&drawn[1])]
         };

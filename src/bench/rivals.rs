@@ -119,12 +119,17 @@ mod tests {
     use super::*;
     use crate::chart::run::orbit;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{self, BuildOptions};
 
     fn statue() -> Model {
         let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 20_000).unwrap();
-        tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap()
+        tree::build(
+            generate::mesh(&spec),
+            &BuildOptions::default(),
+            &SilentProgress,
+        )
+        .unwrap()
     }
 
     #[test]
@@ -159,7 +164,7 @@ mod tests {
             engine.render(&view, settings).unwrap()
         };
         let picture = draw(&model, &settings);
-        let rivals = RivalRenderers::build(&model, &Silent).unwrap();
+        let rivals = RivalRenderers::build(&model, &SilentProgress).unwrap();
         let rays = rivals.caster.as_ref().unwrap().draw(&view);
         let off = compare(&picture, &rays, 8.0).unwrap();
         // Corners are snapped to 1/256 pixel by one and not by the other: single pixels on edges.

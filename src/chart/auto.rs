@@ -359,7 +359,7 @@ mod tests {
     use super::super::AvailablePaths;
     use super::*;
     use crate::generate::{GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree;
 
     fn model() -> Model {
@@ -367,7 +367,7 @@ mod tests {
         tree::build(
             crate::generate::mesh(&spec),
             &tree::BuildOptions::default(),
-            &Silent,
+            &SilentProgress,
         )
         .unwrap()
     }
@@ -478,8 +478,14 @@ mod tests {
             let found = fill_of(&model, &camera.view(model.origin).unwrap());
             assert!((found - fill).abs() < 1e-4, "{found} {fill}");
         }
-        let c = ChartCalibration::measure(&Backend::Mirror, &model, "m", ((40, 40), None), &Silent)
-            .unwrap();
+        let c = ChartCalibration::measure(
+            &Backend::Mirror,
+            &model,
+            "m",
+            ((40, 40), None),
+            &SilentProgress,
+        )
+        .unwrap();
         let found = c
             .choose(
                 &ChoiceBounds {

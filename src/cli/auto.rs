@@ -2,7 +2,7 @@
 
 use super::costs::costs_of;
 use super::progress::JobBar;
-use super::{Failure, Outcome, say, usage};
+use super::{CommandFailure, Outcome, say, usage};
 use surfel::OpenedModel;
 use surfel::chart::auto::{
     CalibrationKey, ChartCalibration, ChoiceBounds, ChosenConfiguration, fill_of,
@@ -72,7 +72,7 @@ impl AutoArgs {
         ready: &OpenedModel,
         view: &View,
         quiet: bool,
-    ) -> Result<Settings, Failure> {
+    ) -> Result<Settings, CommandFailure> {
         let model = &ready.model;
         let size = (view.width, view.height);
         let key = CalibrationKey::of(backend, model, size);
@@ -108,7 +108,7 @@ impl AutoArgs {
             frame_ms: self.frame_ms,
         };
         let Some(chosen) = calibration.choose(&bounds, fill_of(model, view)) else {
-            return Err(Failure::Run(anyhow::anyhow!(
+            return Err(CommandFailure::Run(anyhow::anyhow!(
                 "--method auto: {} draws this model by no method",
                 backend.name()
             )));
@@ -150,7 +150,7 @@ impl AutoArgs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use surfel::pack::{ColorBy, Lighting, Phong};
+    use surfel::pack::{ColorBy, Phong, SurfaceLighting};
 
     #[test]
     fn compute_is_insisted_on_where_it_can_draw() {
@@ -160,7 +160,7 @@ mod tests {
             ..Settings::default()
         };
         let lamp = Settings {
-            light: Lighting::Phong(Phong::default()),
+            light: SurfaceLighting::Phong(Phong::default()),
             ..Settings::default()
         };
         let depth = Settings {

@@ -1,6 +1,6 @@
 //! The option that says what is behind the model.
 
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::Args as ClapArgs;
 
 /// What is behind the model.
@@ -34,7 +34,7 @@ impl BackgroundArgs {
     ///
     /// # Errors
     /// When it is to be transparent in a command that writes no alpha.
-    pub(crate) fn colors(&self) -> Result<([f32; 3], Option<[f32; 3]>), Failure> {
+    pub(crate) fn colors(&self) -> Result<([f32; 3], Option<[f32; 3]>), CommandFailure> {
         match self.background {
             BackgroundChoice::Flat(color) => Ok((color, None)),
             BackgroundChoice::Gradient(top, bottom) => Ok((top, Some(bottom))),

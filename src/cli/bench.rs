@@ -3,7 +3,7 @@
 use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
-use super::{Failure, Outcome, print, say, usage, write_text};
+use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::bench::cases::CaseStandard;
@@ -159,7 +159,7 @@ impl PrintedFigures<'_> {
         let Some(path) = self.csv else { return Ok(()) };
         let is_file = path != Path::new("-") && (path.is_file() || !path.exists());
         if is_file || is_end {
-            let rows = csv(&self.about, &self.all).map_err(|e| Failure::Run(e.into()))?;
+            let rows = csv(&self.about, &self.all).map_err(|e| CommandFailure::Run(e.into()))?;
             write_text(path, &rows)?;
         }
         Ok(())
@@ -222,9 +222,9 @@ pub(crate) fn run(args: BenchArgs, quiet: bool) -> Outcome {
 }
 
 /// Tells a user who cancelled what is left.
-fn with_hint(failure: Failure, args: &BenchArgs) -> Failure {
+fn with_hint(failure: CommandFailure, args: &BenchArgs) -> CommandFailure {
     match failure {
-        Failure::Run(error) if is_cancelled(&error) => Failure::Run(anyhow::anyhow!(
+        CommandFailure::Run(error) if is_cancelled(&error) => CommandFailure::Run(anyhow::anyhow!(
             "cancelled{}",
             args.csv.as_ref().map_or_else(String::new, |path| format!(
                 "; {} has what was measured",
@@ -268,7 +268,7 @@ fn sources(args: &BenchArgs) -> Vec<(String, PathBuf)> {
     sources
 }
 
-fn load(path: &Path, bar: &JobBar) -> Result<OpenedModel, Failure> {
+fn load(path: &Path, bar: &JobBar) -> Result<OpenedModel, CommandFailure> {
     let source = ModelArgs {
         model: path.to_owned(),
         weld: false,
@@ -280,7 +280,7 @@ fn load(path: &Path, bar: &JobBar) -> Result<OpenedModel, Failure> {
 }
 
 /// Opens a model that is compared with its triangles.
-fn load_surface(path: &Path, bar: &JobBar) -> Result<OpenedModel, Failure> {
+fn load_surface(path: &Path, bar: &JobBar) -> Result<OpenedModel, CommandFailure> {
     let ready = load(path, bar)?;
     match ready.model.kind().is_surface() {
         true => Ok(ready),

@@ -2,7 +2,7 @@
 
 use super::progress::JobBar;
 use super::source::{ModelArgs, parse_bytes};
-use super::{Failure, Outcome, bytes, count, say};
+use super::{CommandFailure, Outcome, bytes, count, say};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use surfel::mesh::stream::JoinedStream;
@@ -73,7 +73,7 @@ fn build_in_pieces(
     memory: u64,
     output: &Path,
     quiet: bool,
-) -> Result<bool, Failure> {
+) -> Result<bool, CommandFailure> {
     let bar = JobBar::new(quiet);
     let options = args.source.options()?;
     if args.source.weld {
@@ -135,7 +135,7 @@ fn build_in_pieces(
         }
         ExternalError::Tree(error @ tree::Error::Io { .. }) => {
             let context = format!("cannot write {}", output.display());
-            Failure::Run(anyhow::Error::new(error).context(context))
+            CommandFailure::Run(anyhow::Error::new(error).context(context))
         }
         other => super::usage(format!("{name}: {other}")),
     })?;
@@ -249,7 +249,7 @@ pub(crate) fn run(args: BuildArgs, quiet: bool) -> Outcome {
         tree::Error::Cancelled => surfel::Error::from(error).into(),
         _ => {
             let context = format!("cannot write {}", output.display());
-            Failure::Run(anyhow::Error::new(error).context(context))
+            CommandFailure::Run(anyhow::Error::new(error).context(context))
         }
     })?;
     let size = std::fs::metadata(&output).map(|m| m.len()).unwrap_or(0);

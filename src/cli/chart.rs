@@ -5,7 +5,7 @@ use super::costs::costs_of;
 use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
-use super::{Failure, Outcome, count, print, say, usage, write_text};
+use super::{CommandFailure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -78,7 +78,7 @@ pub(crate) struct ChartArgs {
 }
 
 impl ChartArgs {
-    fn plan(&self) -> Result<ChartPlan, Failure> {
+    fn plan(&self) -> Result<ChartPlan, CommandFailure> {
         let mut plan = if self.quick {
             ChartPlan::quick()
         } else {
@@ -123,7 +123,7 @@ impl ChartArgs {
     }
 
     /// The panels of the chart that this one is compared with.
-    fn other_panels(&self) -> Result<Option<Vec<SummaryPanel>>, Failure> {
+    fn other_panels(&self) -> Result<Option<Vec<SummaryPanel>>, CommandFailure> {
         let Some(folder) = &self.against else {
             return Ok(None);
         };
@@ -152,7 +152,7 @@ fn unique<T: PartialEq + Copy>(values: &[T]) -> Vec<T> {
 }
 
 /// Rows of an earlier run that this one can go on from; what was measured otherwise is kept in another file.
-fn earlier_rows(path: &Path, like: &ChartRow) -> Result<Vec<ChartRow>, Failure> {
+fn earlier_rows(path: &Path, like: &ChartRow) -> Result<Vec<ChartRow>, CommandFailure> {
     let all = read_rows(path)?;
     let (rows, others): (Vec<ChartRow>, Vec<ChartRow>) =
         all.into_iter().partition(|r| r.is_like(like));
@@ -290,7 +290,7 @@ pub(crate) fn run(args: ChartArgs, quiet: bool) -> Outcome {
             none => {
                 // Only now, so that a model or device that is not there leaves no folder behind.
                 std::fs::create_dir_all(&args.output).map_err(|e| {
-                    Failure::Run(
+                    CommandFailure::Run(
                         anyhow::Error::new(e)
                             .context(format!("cannot make the folder {}", args.output.display())),
                     )
@@ -339,7 +339,7 @@ pub(crate) fn run(args: ChartArgs, quiet: bool) -> Outcome {
             "samples": plan.grid * plan.grid,
             "panels": panels.iter().map(panel_facts).collect::<Vec<_>>(),
         });
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
         print(&(text + "\n"))?;
     } else {
         print(&table(&panels, &args.output))?;
@@ -375,7 +375,7 @@ fn report_agreement(
     if all.iter().all(ReferenceAgreement::is_kept) {
         return Ok(());
     }
-    Err(Failure::Run(anyhow::anyhow!(
+    Err(CommandFailure::Run(anyhow::anyhow!(
         "this chart and the one in {} differ by more than 15 percent or in their frontier; other work on the machine shows \
          first in short frames, so give both runs a quiet machine",
         folder.display()
@@ -423,16 +423,16 @@ fn agreement_text(all: &[ReferenceAgreement]) -> String {
 }
 
 /// Tells a user who cancelled what is left.
-fn with_hint(failure: Failure) -> Failure {
+fn with_hint(failure: CommandFailure) -> CommandFailure {
     use surfel::{Error, chart};
     match failure {
-        Failure::Run(error)
+        CommandFailure::Run(error)
             if matches!(
                 error.downcast_ref(),
                 Some(Error::Chart(chart::ChartError::Cancelled))
             ) =>
         {
-            Failure::Run(anyhow::anyhow!(
+            CommandFailure::Run(anyhow::anyhow!(
                 "cancelled; the same command goes on from the last whole view"
             ))
         }

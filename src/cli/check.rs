@@ -1,7 +1,7 @@
 //! `surfel check`
 
 use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
-use super::{Failure, Outcome, chain, count, print};
+use super::{CommandFailure, Outcome, chain, count, print};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::io::Read;
@@ -12,7 +12,7 @@ use surfel::pages::check::PagedReport;
 use surfel::pages::format::{MAGIC, is_paged_file};
 use surfel::pages::{self, file::PagedFile, source::FileSource};
 use surfel::patches::check_records;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::tree;
 
 /// Check model files and every invariant of their trees.
@@ -46,7 +46,7 @@ fn check_pages(path: &Path) -> Result<PagedReport, tree::Error> {
         source,
     })?;
     let file = PagedFile::open(Arc::new(source))?;
-    Ok(pages::check::check(&file, &Silent))
+    Ok(pages::check::check(&file, &SilentProgress))
 }
 
 /// Findings about a paged file, as text and as a row.
@@ -111,7 +111,7 @@ pub(crate) fn run(args: CheckArgs, quiet: bool) -> Outcome {
         };
         let ready = match source.open(quiet) {
             Ok(ready) => ready,
-            Err(Failure::Input(error)) => {
+            Err(CommandFailure::Input(error)) => {
                 rows.push(json!({ "file": path.display().to_string(), "error": chain(&error) }));
                 // A single model's error is said once, at the end.
                 if count_of_models > 1 {
@@ -147,20 +147,21 @@ pub(crate) fn run(args: CheckArgs, quiet: bool) -> Outcome {
         rows.push(facts);
     }
     if args.json {
-        let json = serde_json::to_string_pretty(&rows).map_err(|e| Failure::Run(e.into()))?;
+        let json =
+            serde_json::to_string_pretty(&rows).map_err(|e| CommandFailure::Run(e.into()))?;
         print(&(json + "\n"))?;
     } else {
         print(&text)?;
     }
     if broken > 0 {
-        return Err(Failure::Run(anyhow::anyhow!(
+        return Err(CommandFailure::Run(anyhow::anyhow!(
             "{broken} tree(s) break an invariant"
         )));
     }
     match (unreadable.pop(), unreadable.len()) {
         (None, _) => Ok(()),
-        (Some(error), _) if count_of_models == 1 => Err(Failure::Input(error)),
-        (Some(_), others) => Err(Failure::Input(anyhow::anyhow!(
+        (Some(error), _) if count_of_models == 1 => Err(CommandFailure::Input(error)),
+        (Some(_), others) => Err(CommandFailure::Input(anyhow::anyhow!(
             "{} of {count_of_models} models cannot be read",
             others + 1
         ))),

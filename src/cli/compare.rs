@@ -1,7 +1,7 @@
 //! `surfel compare`
 
 use super::render::require_ending;
-use super::{Failure, Outcome, print, usage};
+use super::{CommandFailure, Outcome, print, usage};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -267,7 +267,7 @@ impl CompareReport {
     }
 
     /// The bounds that are missed, as a sentence.
-    fn missed(&self, bounds: &CompareBounds) -> Result<Option<String>, Failure> {
+    fn missed(&self, bounds: &CompareBounds) -> Result<Option<String>, CommandFailure> {
         let mut missed = Vec::new();
         let mut check = |option: &str, value: f64, bound: Option<f64>, is_least: bool| {
             if let Some(bound) = bound {
@@ -428,7 +428,7 @@ impl CompareArgs {
         Ok(())
     }
 
-    fn load(&self, path: &Path) -> Result<FloatImage, Failure> {
+    fn load(&self, path: &Path) -> Result<FloatImage, CommandFailure> {
         let mut image = FloatImage::load(path)?;
         if let Some(background) = self.background
             && is_opaque(&image)
@@ -443,7 +443,7 @@ impl CompareArgs {
         &self,
         reference: &FloatImage,
         picture: &FloatImage,
-    ) -> Result<CompareReport, Failure> {
+    ) -> Result<CompareReport, CommandFailure> {
         let has_coverage = self.background.is_some()
             || !is_opaque(reference)
             || !is_opaque(picture)
@@ -555,15 +555,15 @@ pub(crate) fn run(args: CompareArgs) -> Outcome {
     let report = args.report(&reference, &picture)?;
     let missed = report.missed(&args.bounds)?;
     if args.json {
-        let text =
-            serde_json::to_string_pretty(&report.json()).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&report.json())
+            .map_err(|e| CommandFailure::Run(e.into()))?;
         print(&(text + "\n"))?;
     } else {
         print(&report.text())?;
     }
     match missed {
         None => Ok(()),
-        Some(what) => Err(Failure::Run(anyhow::anyhow!(
+        Some(what) => Err(CommandFailure::Run(anyhow::anyhow!(
             "{}: {what}",
             args.picture.display()
         ))),

@@ -4,7 +4,7 @@ use super::cameras::orbit_camera;
 use super::costs::costs_of;
 use super::render::{DeviceArgs, validated};
 use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
-use super::{Failure, Outcome, count, say};
+use super::{CommandFailure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -163,7 +163,7 @@ pub(crate) fn run(args: DemoArgs, quiet: bool) -> Outcome {
     engine.set_costs(costs_of(&backend, &settings));
     // Only now, so that a model or device that is not there leaves no folder behind.
     std::fs::create_dir_all(&args.output).map_err(|e| {
-        Failure::Run(
+        CommandFailure::Run(
             anyhow::Error::new(e)
                 .context(format!("cannot make the folder {}", args.output.display())),
         )
@@ -181,7 +181,7 @@ pub(crate) fn run(args: DemoArgs, quiet: bool) -> Outcome {
     let mut reference_ms = f64::NAN;
     for shot in &SHOTS {
         if super::progress::is_interrupted() {
-            return Err(Failure::Run(anyhow::anyhow!("cancelled")));
+            return Err(CommandFailure::Run(anyhow::anyhow!("cancelled")));
         }
         if model.kind().is_points() && !shot.draws_clouds() {
             bar.inc(1);

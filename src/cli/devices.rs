@@ -1,6 +1,6 @@
 //! `surfel devices`
 
-use super::{Failure, Outcome, bytes, print, say};
+use super::{CommandFailure, Outcome, bytes, print, say};
 use std::fmt::Write;
 use surfel::bench::calibrate::{CalibrationPart, DeviceCalibration, FoundCalibration};
 use surfel::bench::rates;
@@ -140,7 +140,8 @@ pub(crate) fn run(args: DevicesArgs) -> Outcome {
                 })
             })
             .collect();
-        let text = serde_json::to_string_pretty(&rows).map_err(|e| Failure::Run(e.into()))?;
+        let text =
+            serde_json::to_string_pretty(&rows).map_err(|e| CommandFailure::Run(e.into()))?;
         return print(&(text + "\n"));
     }
     let mut out = String::new();

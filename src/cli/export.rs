@@ -2,7 +2,7 @@
 
 use super::progress::JobBar;
 use super::source::KeepArgs;
-use super::{Failure, Outcome, count, say, usage};
+use super::{CommandFailure, Outcome, count, say, usage};
 use std::path::PathBuf;
 use surfel::open::export::{ExportOptions, export, format_of};
 
@@ -49,7 +49,7 @@ pub(crate) fn run(args: ExportArgs, quiet: bool) -> Outcome {
     let report = export(&args.model, &options, (format, &args.output), &bar);
     drop(bar);
     let report = report.map_err(|error| match error {
-        surfel::Error::Generate(error) => Failure::Run(error.into()),
+        surfel::Error::Generate(error) => CommandFailure::Run(error.into()),
         other => other.into(),
     })?;
     for warning in &report.warnings {

@@ -2,7 +2,7 @@
 
 use super::progress::JobBar;
 use super::source::{ColorArgs, ModelArgs};
-use super::{Failure, Outcome, bytes, count, print};
+use super::{CommandFailure, Outcome, bytes, count, print};
 use serde_json::json;
 use std::fmt::Write;
 use surfel::OpenedModel;
@@ -179,7 +179,8 @@ pub(crate) fn run(args: InfoArgs, quiet: bool) -> Outcome {
     )?;
     let facts = facts(&ready);
     if args.json {
-        let text = serde_json::to_string_pretty(&facts).map_err(|e| Failure::Run(e.into()))?;
+        let text =
+            serde_json::to_string_pretty(&facts).map_err(|e| CommandFailure::Run(e.into()))?;
         return print(&(text + "\n"));
     }
     let m = &ready.model;

@@ -1,7 +1,7 @@
 //! `surfel join`
 
 use super::progress::JobBar;
-use super::{Failure, Outcome, bytes, count, say, usage};
+use super::{CommandFailure, Outcome, bytes, count, say, usage};
 use anyhow::Context;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &JoinArgs, quiet: bool) -> Outcome {
                     "{name} cannot be joined; trees to be joined are paged (surfel build --paged)"
                 )
             })
-            .map_err(Failure::Input)?;
+            .map_err(CommandFailure::Input)?;
         if let Some(other) = members.iter().find(|other| other.path == own.path) {
             return Err(usage(format!("{} is named twice", other.path)));
         }
@@ -82,9 +82,9 @@ pub(crate) fn run(args: &JoinArgs, quiet: bool) -> Outcome {
         }
         ForestError::Tree(error @ tree::Error::Io { .. }) => {
             let context = format!("cannot write {}", args.output.display());
-            Failure::Run(anyhow::Error::new(error).context(context))
+            CommandFailure::Run(anyhow::Error::new(error).context(context))
         }
-        other => Failure::Input(other.into()),
+        other => CommandFailure::Input(other.into()),
     })?;
     if !quiet {
         say(&format!(

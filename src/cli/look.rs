@@ -6,7 +6,7 @@ use super::darkening::DarkeningArgs;
 use super::error_patches::ErrorArgs;
 use super::light::LightArgs;
 use super::vertex_splats::VertexSplatArgs;
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::builder::Resettable;
 use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use std::ffi::OsString;
@@ -14,8 +14,8 @@ use surfel::cut::SizeMetric;
 use surfel::input::PointColoring;
 use surfel::pack::ColorBy;
 use surfel::render::{
-    Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
-    SplatKind, SumFormat, Traversal,
+    Blend, Culling, CutOn, CutTraversal, ListOf, Method, Occlusion, Path, Reconstruction, Settings,
+    Shading, SplatKind, SumFormat,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -289,7 +289,7 @@ impl LookArgs {
     }
 
     /// Varies the look by the options in `text` (separated by blanks), which replace what it says otherwise.
-    pub(crate) fn varied(&self, text: &str) -> Result<Self, Failure> {
+    pub(crate) fn varied(&self, text: &str) -> Result<Self, CommandFailure> {
         // Without default values only what is written comes out; flags can be added and not taken back.
         let mut command =
             Self::augment_args_for_update(Command::new("--with").no_binary_name(true))
@@ -334,7 +334,7 @@ impl LookArgs {
     ///
     /// # Errors
     /// When points are to be colored, which this command does not do.
-    fn picture_color(&self) -> Result<ColorByName, Failure> {
+    fn picture_color(&self) -> Result<ColorByName, CommandFailure> {
         match &self.color_by {
             ColorChoice::Picture(name) => Ok(*name),
             ColorChoice::Points(_) => Err(usage(
@@ -363,7 +363,7 @@ impl LookArgs {
     }
 
     /// The settings; of [`Self::is_auto`] only for a command that then chooses.
-    pub(crate) fn settings_to_choose(&self) -> Result<Settings, Failure> {
+    pub(crate) fn settings_to_choose(&self) -> Result<Settings, CommandFailure> {
         let settings = self.all_settings()?;
         let usual = Settings::default();
         if self.is_auto()
@@ -381,14 +381,14 @@ impl LookArgs {
         Ok(settings)
     }
 
-    pub(crate) fn settings(&self) -> Result<Settings, Failure> {
+    pub(crate) fn settings(&self) -> Result<Settings, CommandFailure> {
         if self.is_auto() {
             return Err(usage("--method auto is for surfel render"));
         }
         self.all_settings()
     }
 
-    fn all_settings(&self) -> Result<Settings, Failure> {
+    fn all_settings(&self) -> Result<Settings, CommandFailure> {
         let threshold = self.threshold.unwrap_or(1.0);
         if !(0.0..=4096.0).contains(&threshold) {
             return Err(usage(format!(
@@ -449,9 +449,9 @@ impl LookArgs {
                 CutOnName::Device => CutOn::Device,
             },
             traversal: match self.traversal {
-                TraversalName::Auto => Traversal::Auto,
-                TraversalName::Root => Traversal::Root,
-                TraversalName::Coherent => Traversal::Coherent,
+                TraversalName::Auto => CutTraversal::Auto,
+                TraversalName::Root => CutTraversal::Root,
+                TraversalName::Coherent => CutTraversal::Coherent,
             },
             list_of: match self.list_of {
                 ListOfName::Auto => ListOf::Auto,

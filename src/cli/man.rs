@@ -46,7 +46,7 @@ pub(crate) fn run(args: &ManArgs, program: Command) -> Outcome {
 fn command_named<'a>(
     program: &'a Command,
     words: &[String],
-) -> Result<&'a Command, super::Failure> {
+) -> Result<&'a Command, super::CommandFailure> {
     words.iter().try_fold(program, |command, word| {
         command
             .find_subcommand(word)
@@ -55,7 +55,7 @@ fn command_named<'a>(
 }
 
 /// Manual page of a command in roff. There is no date in it: the same program writes the same page.
-fn page(command: &Command) -> Result<String, super::Failure> {
+fn page(command: &Command) -> Result<String, super::CommandFailure> {
     let after = command.get_after_help().map(ToString::to_string);
     let plain = command.clone().after_help(None);
     let mut bytes = Vec::new();
@@ -64,7 +64,7 @@ fn page(command: &Command) -> Result<String, super::Failure> {
         .manual("surfel")
         .render(&mut bytes)
         .and_then(|()| sections(&after.unwrap_or_default()).to_writer(&mut bytes));
-    written.map_err(|error| super::Failure::Run(anyhow::Error::new(error)))?;
+    written.map_err(|error| super::CommandFailure::Run(anyhow::Error::new(error)))?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 

@@ -58,14 +58,14 @@ use tracing_subscriber::fmt::format::FmtSpan;
 
 /// Why a command ended early.
 #[derive(Debug)]
-pub(crate) enum Failure {
+pub(crate) enum CommandFailure {
     /// Bad usage or bad input: exit code 2.
     Input(anyhow::Error),
     /// The run failed: exit code 1.
     Run(anyhow::Error),
 }
 
-pub(crate) type Outcome = Result<(), Failure>;
+pub(crate) type Outcome = Result<(), CommandFailure>;
 
 /// Tells whether a device's error is of what was asked for.
 fn is_of_input(error: &surfel::gpu::Error) -> bool {
@@ -76,7 +76,7 @@ fn is_of_input(error: &surfel::gpu::Error) -> bool {
     )
 }
 
-impl From<surfel::Error> for Failure {
+impl From<surfel::Error> for CommandFailure {
     fn from(error: surfel::Error) -> Self {
         use surfel::Error as E;
         use surfel::generate::GenerateError as G;
@@ -112,7 +112,7 @@ impl From<surfel::Error> for Failure {
 
 macro_rules! failure_from {
     ($($type:ty),+) => {$(
-        impl From<$type> for Failure {
+        impl From<$type> for CommandFailure {
             fn from(error: $type) -> Self {
                 surfel::Error::from(error).into()
             }
@@ -134,8 +134,8 @@ failure_from!(
 );
 
 /// A usage error with the given text.
-pub(crate) fn usage(text: impl Into<String>) -> Failure {
-    Failure::Input(anyhow::Error::msg(text.into()))
+pub(crate) fn usage(text: impl Into<String>) -> CommandFailure {
+    CommandFailure::Input(anyhow::Error::msg(text.into()))
 }
 
 const EXAMPLES: &str = "\
@@ -358,11 +358,11 @@ pub(crate) fn main() -> ExitCode {
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        Err(Failure::Input(error)) => {
+        Err(CommandFailure::Input(error)) => {
             say(&format!("surfel: {}", with_driver_hint(chain(&error))));
             ExitCode::from(2)
         }
-        Err(Failure::Run(error)) => {
+        Err(CommandFailure::Run(error)) => {
             say(&format!("surfel: {}", with_driver_hint(chain(&error))));
             ExitCode::from(1)
         }
@@ -443,7 +443,7 @@ pub(crate) fn require_folder(path: &Path) -> Outcome {
     } else {
         "does not exist"
     };
-    Err(Failure::Run(anyhow::anyhow!(
+    Err(CommandFailure::Run(anyhow::anyhow!(
         "cannot write {}: {} {reason}",
         path.display(),
         folder.display()
@@ -467,7 +467,7 @@ pub(crate) fn print_bytes(bytes: &[u8]) -> Outcome {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::Run(
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(CommandFailure::Run(
             anyhow::Error::new(e).context("cannot write to standard output"),
         )),
         _ => Ok(()),
@@ -498,7 +498,9 @@ pub(crate) fn write_text(path: &Path, text: &str) -> Outcome {
         Ok(())
     };
     write().map_err(|e| {
-        Failure::Run(anyhow::Error::new(e).context(format!("cannot write {}", path.display())))
+        CommandFailure::Run(
+            anyhow::Error::new(e).context(format!("cannot write {}", path.display())),
+        )
     })
 }
 

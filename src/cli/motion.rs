@@ -6,7 +6,7 @@ use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::source::ModelArgs;
 use super::stats::{device_of, settings_of};
-use super::{Failure, Outcome, print, usage, write_text};
+use super::{CommandFailure, Outcome, print, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
 use std::fmt::Write;
@@ -137,7 +137,7 @@ impl MotionArgs {
             // Now, and not after minutes of work.
             std::fs::create_dir_all(folder).map_err(|e| {
                 let what = format!("cannot make the folder {}", folder.display());
-                Failure::Run(anyhow::Error::new(e).context(what))
+                CommandFailure::Run(anyhow::Error::new(e).context(what))
             })?;
         }
         Ok(())
@@ -149,7 +149,7 @@ impl MotionArgs {
     }
 
     /// The yardstick, the look of the command line, and those beside it.
-    fn subjects(&self) -> Result<Vec<MotionSubject>, Failure> {
+    fn subjects(&self) -> Result<Vec<MotionSubject>, CommandFailure> {
         let base = self.look.settings()?;
         let mut subjects = vec![MotionSubject {
             label: "one exact sample".into(),
@@ -259,7 +259,7 @@ pub(crate) fn run(args: MotionArgs, quiet: bool) -> Outcome {
             "rules": plan.rules,
             "subjects": subjects.iter().zip(&found).map(about).collect::<Vec<_>>(),
         });
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     if let Some(path) = &args.csv {

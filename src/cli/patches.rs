@@ -4,7 +4,7 @@ use super::cameras::{orbit_camera, parse_size};
 use super::error_patches::parse_error;
 use super::progress::JobBar;
 use super::source::ModelArgs;
-use super::{Failure, Outcome, bytes, count, print, usage, write_text};
+use super::{CommandFailure, Outcome, bytes, count, print, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -86,7 +86,7 @@ impl PatchesArgs {
         if let Some(folder) = &self.output {
             std::fs::create_dir_all(folder).map_err(|e| {
                 let what = format!("cannot make the folder {}", folder.display());
-                Failure::Run(anyhow::Error::new(e).context(what))
+                CommandFailure::Run(anyhow::Error::new(e).context(what))
             })?;
         }
         Ok(())
@@ -131,7 +131,7 @@ pub(crate) fn run(args: PatchesArgs, quiet: bool) -> Outcome {
         Ok((format!("{fill}"), camera.view(model.origin)?))
     });
     let plan = PatchPlan {
-        views: views.collect::<Result<_, Failure>>()?,
+        views: views.collect::<Result<_, CommandFailure>>()?,
         samples: args.grid,
         cuts: args.cuts(model.is_closed),
         is_strict: args.strict,
@@ -161,7 +161,7 @@ pub(crate) fn run(args: PatchesArgs, quiet: bool) -> Outcome {
             "size": [args.size.0, args.size.1],
             "rows": findings.rows,
         });
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
         if path == std::path::Path::new("-") {
             return Ok(());

@@ -2,7 +2,7 @@
 
 use super::progress::JobBar;
 use super::render::DeviceArgs;
-use super::{Failure, Outcome, print, say, usage, write_text};
+use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -114,7 +114,7 @@ enum FormChoice {
     Printed,
 }
 
-impl From<PhotoError> for Failure {
+impl From<PhotoError> for CommandFailure {
     fn from(error: PhotoError) -> Self {
         surfel::Error::from(error).into()
     }
@@ -129,7 +129,7 @@ pub(crate) fn run(args: PhotosArgs, quiet: bool) -> Outcome {
 
 impl SceneArgs {
     /// Reads scene and mesh, and says what was left out.
-    fn open(&self, quiet: bool) -> Result<(PhotoScene, Model), Failure> {
+    fn open(&self, quiet: bool) -> Result<(PhotoScene, Model), CommandFailure> {
         let scene = read_scene(&self.scene, self.photos.as_deref())?;
         for remark in &scene.remarks {
             say(&format!("surfel: {}: {remark}", self.scene.display()));
@@ -146,7 +146,7 @@ impl SceneArgs {
         scene: &'m PhotoScene,
         model: &'m Model,
         quiet: bool,
-    ) -> Result<PhotoSession<'m>, Failure> {
+    ) -> Result<PhotoSession<'m>, CommandFailure> {
         let backend = self.device.open()?;
         let options = SessionOptions {
             most_photos: self.most as usize,
@@ -167,7 +167,7 @@ fn score(args: ScoreArgs, quiet: bool) -> Outcome {
     if let Some(folder) = &args.output {
         std::fs::create_dir_all(folder).map_err(|e| {
             let text = format!("cannot make the folder {}", folder.display());
-            Failure::Run(anyhow::Error::new(e).context(text))
+            CommandFailure::Run(anyhow::Error::new(e).context(text))
         })?;
     }
     let rungs = ladder();
@@ -191,7 +191,7 @@ fn score(args: ScoreArgs, quiet: bool) -> Outcome {
         Ok(())
     })?;
     let json = serde_json::to_string_pretty(&score_json(&rungs, &scores));
-    let json = json.map_err(|e| Failure::Run(e.into()))? + "\n";
+    let json = json.map_err(|e| CommandFailure::Run(e.into()))? + "\n";
     if let Some(folder) = &args.output {
         write_text(&folder.join("scores.json"), &json)?;
         write_text(&folder.join("index.html"), &score_page(&rungs, &scores))?;
@@ -207,7 +207,7 @@ fn score(args: ScoreArgs, quiet: bool) -> Outcome {
 fn wanted_camera(
     args: &PhotoRenderArgs,
     scene: &PhotoScene,
-) -> Result<(CalibratedCamera, Option<usize>), Failure> {
+) -> Result<(CalibratedCamera, Option<usize>), CommandFailure> {
     if let Some(path) = &args.camera {
         let camera = calibrated_camera(&Camera::read(path)?);
         let refused = || {
@@ -295,7 +295,7 @@ pub(crate) fn info(path: &Path, as_json: bool) -> Outcome {
     let check = check_scene(&scene);
     if as_json {
         let text = serde_json::to_string_pretty(&facts(&scene, &check));
-        return print(&(text.map_err(|e| Failure::Run(e.into()))? + "\n"));
+        return print(&(text.map_err(|e| CommandFailure::Run(e.into()))? + "\n"));
     }
     print(&text(path, &scene, &check))
 }

@@ -8,7 +8,7 @@ use super::render::{DeviceArgs, validated};
 use super::source::ModelArgs;
 use super::stats::{device_of, settings_of};
 use super::vertex_splats::make_even_splats;
-use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
+use super::{CommandFailure, Outcome, bytes, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -140,12 +140,12 @@ pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
             "device": device_of(&backend),
             "settings": settings_of(&ready, &settings, size),
         });
-        let figures = serde_json::to_value(&report).map_err(|e| Failure::Run(e.into()))?;
+        let figures = serde_json::to_value(&report).map_err(|e| CommandFailure::Run(e.into()))?;
         if let (Some(all), serde_json::Value::Object(figures)) = (all.as_object_mut(), figures) {
             all.extend(figures);
             all.insert("memory".into(), memory(&ready, &profile));
         }
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     if let Some(path) = &args.csv {
@@ -153,7 +153,7 @@ pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
     }
     if let Some(path) = &args.trace {
         let trace = profile.trace(about);
-        let text = serde_json::to_string(&trace).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string(&trace).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     if !args.takes_output() {

@@ -13,7 +13,7 @@ use super::progress::{JobBar, is_interrupted};
 use super::rendered_picture::{RenderedPicture, numbered};
 use super::source::{ColorArgs, ModelArgs, PageArgs, parse_wait};
 use super::vertex_splats::make_even_splats;
-use super::{Failure, Outcome, print_bytes, say, usage, write_text};
+use super::{CommandFailure, Outcome, print_bytes, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -74,7 +74,7 @@ impl DeviceArgs {
 
     /// The backend of a window's frames.
     #[cfg(feature = "viewer")]
-    pub(crate) fn window_backend(&self) -> Result<WindowBackend, Failure> {
+    pub(crate) fn window_backend(&self) -> Result<WindowBackend, CommandFailure> {
         let is_named = self.device.as_deref().is_some_and(Backend::is_of_processor);
         match self.backend {
             BackendChoice::Auto if !is_named => Ok(WindowBackend::Auto),
@@ -90,7 +90,7 @@ impl DeviceArgs {
     }
 
     /// Opens the backend. Without Vulkan, and unless a device is asked for by name, that is the processor.
-    pub(crate) fn open(&self) -> Result<Backend, Failure> {
+    pub(crate) fn open(&self) -> Result<Backend, CommandFailure> {
         let options = self.options();
         if self.backend != BackendChoice::Auto && self.device.is_some() {
             let is_named = self.device.as_deref().is_some_and(Backend::is_of_processor);
@@ -124,7 +124,7 @@ pub(crate) fn validated(backend: &Backend) -> Outcome {
     let messages = gpu.messages().list();
     match messages.first() {
         None => Ok(()),
-        Some(first) => Err(Failure::Run(anyhow::anyhow!(
+        Some(first) => Err(CommandFailure::Run(anyhow::anyhow!(
             "the validation layer found {} fault(s); the first: {}: {}",
             messages.len(),
             first.id,
@@ -324,7 +324,7 @@ impl RenderArgs {
         streams_pages: bool,
         placements: &[MeshPlacement],
         quiet: bool,
-    ) -> Result<Vec<OpenedModel>, Failure> {
+    ) -> Result<Vec<OpenedModel>, CommandFailure> {
         let mut others = Vec::with_capacity(self.more.len());
         for (path, placement) in self.more.iter().zip(placements) {
             let source = ModelArgs {
@@ -527,7 +527,8 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
         settings.cut_view = Some(camera.view(ready.model.origin)?);
     }
     if let Some(path) = &args.save_camera {
-        let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;
+        let text =
+            serde_json::to_string_pretty(&cameras[0]).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     engine.build_patches(&settings, &JobBar::new(quiet))?;
@@ -546,7 +547,7 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
     let mut times = Vec::with_capacity(views.len());
     for (index, view) in views.iter().enumerate() {
         if is_interrupted() {
-            return Err(Failure::Run(anyhow::anyhow!(
+            return Err(CommandFailure::Run(anyhow::anyhow!(
                 "cancelled after {index} frames"
             )));
         }
@@ -588,7 +589,8 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
         if !others.is_empty() {
             stats["more_models"] = others.iter().map(super::info::facts).collect();
         }
-        let text = serde_json::to_string_pretty(&stats).map_err(|e| Failure::Run(e.into()))?;
+        let text =
+            serde_json::to_string_pretty(&stats).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     validated(&backend)

@@ -3,7 +3,7 @@
 use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
-use super::{Failure, Outcome, print, say, usage, write_text};
+use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -64,7 +64,7 @@ pub(crate) struct ReproduceArgs {
 }
 
 /// The square meshes of figure 5.8 with the nodes of their trees.
-fn squares(bar: &JobBar) -> Result<Vec<(u64, u64)>, Failure> {
+fn squares(bar: &JobBar) -> Result<Vec<(u64, u64)>, CommandFailure> {
     (1..=10)
         .map(|k| {
             let triangles = k * 100_000;
@@ -139,12 +139,13 @@ impl ReproduceArgs {
                 "repeats": self.repeats,
                 "tables": tables,
             });
-            let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+            let text =
+                serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
             print(&(text + "\n"))?;
         } else if let Some(path) = &self.csv {
             let mut text = String::new();
             for table in tables {
-                text += &table.csv().map_err(|e| Failure::Run(e.into()))?;
+                text += &table.csv().map_err(|e| CommandFailure::Run(e.into()))?;
                 text.push('\n');
             }
             write_text(path, text.trim_end_matches('\n'))?;

@@ -1,6 +1,6 @@
 //! `surfel scenes`
 
-use super::{Failure, Outcome, print};
+use super::{CommandFailure, Outcome, print};
 use serde_json::json;
 use std::fmt::Write;
 use surfel::scenes::{self, SceneEntry};
@@ -49,6 +49,6 @@ pub(crate) fn run(args: ScenesArgs) -> Outcome {
         return print_list();
     }
     let all: Vec<_> = scenes::ALL.iter().map(facts).collect();
-    let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+    let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
     print(&(text + "\n"))
 }

@@ -1,7 +1,7 @@
 //! `surfel serve`
 
 use super::progress::is_interrupted;
-use super::{Failure, Outcome, print, usage};
+use super::{CommandFailure, Outcome, print, usage};
 use anyhow::Context;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -50,10 +50,10 @@ pub(crate) fn run(args: &ServeArgs) -> Outcome {
         bytes_per_second: args.megabits.map(|rate| rate * 1e6 / 8.0),
     };
     let address = SocketAddr::new(args.address, args.port);
-    let failed = |error: std::io::Error| Failure::Run(anyhow::Error::new(error));
+    let failed = |error: std::io::Error| CommandFailure::Run(anyhow::Error::new(error));
     let server = FileServer::bind(&args.folder, address, line)
         .with_context(|| format!("cannot listen at {address}"))
-        .map_err(Failure::Run)?;
+        .map_err(CommandFailure::Run)?;
     let own = server.address().map_err(failed)?;
     print(&format!("http://{own}/\n"))?;
     let running = std::thread::spawn(move || server.run());
@@ -65,6 +65,8 @@ pub(crate) fn run(args: &ServeArgs) -> Outcome {
     }
     match running.join() {
         Ok(ended) => ended.map_err(failed),
-        Err(_) => Err(Failure::Run(anyhow::anyhow!("the server's thread ended"))),
+        Err(_) => Err(CommandFailure::Run(anyhow::anyhow!(
+            "the server's thread ended"
+        ))),
     }
 }

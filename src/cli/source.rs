@@ -1,7 +1,7 @@
 //! The model of a command: arguments become options of [`surfel::open`].
 
 use super::progress::JobBar;
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
@@ -121,7 +121,7 @@ enum PointNormalsChoice {
 
 impl SurfaceArgs {
     /// The crease angle of the options of opening: none keeps the normals of the file.
-    fn crease_degrees(self) -> Result<Option<f32>, Failure> {
+    fn crease_degrees(self) -> Result<Option<f32>, CommandFailure> {
         use NormalsChoice::{File, Flat, Smooth};
         match (self.shading, self.crease) {
             (Some(name @ (Flat | File)), Some(_)) => Err(usage(format!(
@@ -265,7 +265,7 @@ fn parse_range(text: &str) -> Result<[f64; 2], String> {
 
 impl ColorArgs {
     /// The setting of the options of opening.
-    pub(crate) fn setting(&self) -> Result<Option<ColorSetting>, Failure> {
+    pub(crate) fn setting(&self) -> Result<Option<ColorSetting>, CommandFailure> {
         let range = self.color_range;
         match &self.by {
             Some(by) => Ok(Some(ColorSetting {
@@ -294,12 +294,12 @@ pub(crate) fn open_options(
     weld: bool,
     frame: ViewFraming,
     surface: SurfaceArgs,
-) -> Result<OpenOptions, Failure> {
+) -> Result<OpenOptions, CommandFailure> {
     Ok(OpenOptions {
-        input: input::Options {
+        input: input::ReadOptions {
             weld,
             textures: surface.textures == TextureChoice::On,
-            ..input::Options::default()
+            ..input::ReadOptions::default()
         },
         frame_all: frame == ViewFraming::All,
         streams_pages: false,
@@ -323,7 +323,7 @@ pub(crate) fn open_options(
 
 impl ModelArgs {
     /// The options of opening.
-    pub(crate) fn options(&self) -> Result<OpenOptions, Failure> {
+    pub(crate) fn options(&self) -> Result<OpenOptions, CommandFailure> {
         Ok(OpenOptions {
             keep: self.keep.filter(),
             ..open_options(self.weld, self.frame, self.surface)?
@@ -331,12 +331,12 @@ impl ModelArgs {
     }
 
     /// Opens the model, with a progress bar from about a second on.
-    pub(crate) fn open(&self, quiet: bool) -> Result<OpenedModel, Failure> {
+    pub(crate) fn open(&self, quiet: bool) -> Result<OpenedModel, CommandFailure> {
         self.open_with(&JobBar::new(quiet))
     }
 
     /// Opens the model, and says what was repaired or left out.
-    pub(crate) fn open_with(&self, progress: &dyn Progress) -> Result<OpenedModel, Failure> {
+    pub(crate) fn open_with(&self, progress: &dyn Progress) -> Result<OpenedModel, CommandFailure> {
         self.open_colored(&ColorArgs::default(), progress)
     }
 
@@ -345,7 +345,7 @@ impl ModelArgs {
         &self,
         color: &ColorArgs,
         progress: &dyn Progress,
-    ) -> Result<OpenedModel, Failure> {
+    ) -> Result<OpenedModel, CommandFailure> {
         self.open_as(color, false, MeshPlacement::default(), progress)
     }
 
@@ -356,7 +356,7 @@ impl ModelArgs {
         streams_pages: bool,
         placement: MeshPlacement,
         progress: &dyn Progress,
-    ) -> Result<OpenedModel, Failure> {
+    ) -> Result<OpenedModel, CommandFailure> {
         let mut options = self.options()?;
         options.input.color = color.setting()?;
         options.streams_pages = streams_pages;

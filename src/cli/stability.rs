@@ -3,7 +3,7 @@
 use super::look::{MethodName, SplatName};
 use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::{Failure, Outcome, print, say, usage, write_text};
+use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::failures::page::{CellShot, SceneRow, SceneTable, thumb};
 use surfel::failures::{self, FailureFigure, FailureLook, FailureVerdict};
@@ -54,7 +54,7 @@ const QUICK: [&str; 14] = [
 ];
 
 impl StabilityArgs {
-    fn looks(&self) -> Result<Vec<FailureLook>, Failure> {
+    fn looks(&self) -> Result<Vec<FailureLook>, CommandFailure> {
         let methods: Vec<Method> = self.method.iter().map(|m| (*m).into()).collect();
         let splats: Vec<SplatKind> = self.splat.iter().map(|s| (*s).into()).collect();
         let is_wanted = |look: &FailureLook| {
@@ -74,7 +74,7 @@ impl StabilityArgs {
         Ok(looks)
     }
 
-    fn entries(&self) -> Result<Vec<&'static SceneEntry>, Failure> {
+    fn entries(&self) -> Result<Vec<&'static SceneEntry>, CommandFailure> {
         if self.quick {
             let is_quick = |e: &&SceneEntry| QUICK.contains(&e.name);
             return Ok(scenes::ALL.iter().filter(is_quick).collect());
@@ -92,7 +92,7 @@ impl StabilityArgs {
 
 fn make_folder(folder: &Path) -> Outcome {
     std::fs::create_dir_all(folder).map_err(|e| {
-        Failure::Run(
+        CommandFailure::Run(
             anyhow::Error::new(e).context(format!("cannot make the folder {}", folder.display())),
         )
     })
@@ -176,7 +176,7 @@ pub(crate) fn run(args: StabilityArgs, quiet: bool) -> Outcome {
     validated(&backend)?;
     match table.count(FailureVerdict::Fail) {
         0 => Ok(()),
-        n => Err(Failure::Run(anyhow::anyhow!(
+        n => Err(CommandFailure::Run(anyhow::anyhow!(
             "{n} cells are out of their bounds; see {}",
             page.display()
         ))),

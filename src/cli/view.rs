@@ -8,7 +8,7 @@ use super::placement_args::PlacementArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
 use super::source::{ColorArgs, KeepArgs, PageArgs, SurfaceArgs, ViewFraming, open_options};
-use super::{Failure, Outcome, print, usage};
+use super::{CommandFailure, Outcome, print, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use surfel::viewer::control::FrameGoal;
@@ -141,7 +141,7 @@ impl ViewArgs {
     }
 }
 
-impl From<viewer::ViewerError> for Failure {
+impl From<viewer::ViewerError> for CommandFailure {
     fn from(error: viewer::ViewerError) -> Self {
         match error {
             viewer::ViewerError::Gpu(error) => error.into(),

@@ -213,7 +213,7 @@ mod tests {
     use crate::cut::CutSettings;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::math::camera::Camera;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{self, BuildOptions};
     use glam::DVec3;
 
@@ -228,7 +228,8 @@ mod tests {
         ] {
             let spec = ShapeSpec::with_triangles(shape, triangles).expect("a valid size");
             let mesh = generate::mesh(&spec);
-            let model = tree::build(mesh, &BuildOptions::default(), &Silent).expect("a tree");
+            let model =
+                tree::build(mesh, &BuildOptions::default(), &SilentProgress).expect("a tree");
             assert_eq!(is_rough(&model.tree), expected, "{shape:?}, {triangles}");
         }
         assert!(!is_rough(&Model::default().tree));

@@ -6,7 +6,7 @@ use crate::cut::{Cut, CutSelector};
 use crate::image::{FloatImage, Image, PictureAccumulator, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::{self, squared_distances};
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::render::PictureOutputs;
 use crate::render::cut_key::cut_settings;
 use crate::render::engine::{Backend, Engine};
@@ -154,7 +154,7 @@ impl FailureCase {
             threshold_px,
             expected,
         } = entry.make();
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress)?;
         let view = camera.view(model.origin)?;
         let (mut ranges, mut is_center_open) = (Vec::new(), Vec::new());
         let truth = if model.kind().is_points() {

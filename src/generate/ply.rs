@@ -190,11 +190,11 @@ pub fn write(mesh: &Mesh, path: &Path, progress: &dyn Progress) -> Result<(), Ge
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
 
     fn text_and_body(mesh: &Mesh) -> (String, Vec<u8>) {
         let mut bytes = Vec::new();
-        write_to(mesh, &mut bytes, &Silent).expect("a vector takes everything");
+        write_to(mesh, &mut bytes, &SilentProgress).expect("a vector takes everything");
         let end = b"end_header\n";
         let split = bytes
             .windows(end.len())
@@ -264,7 +264,7 @@ mod tests {
             ..Mesh::default()
         };
         assert!(matches!(
-            write_to(&mesh, &mut Vec::new(), &Silent),
+            write_to(&mesh, &mut Vec::new(), &SilentProgress),
             Err(GenerateError::Inconsistent {
                 positions: 3,
                 what: "normals",

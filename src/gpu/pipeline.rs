@@ -8,7 +8,7 @@ pub use attributes::{AttributeFormat, RecordAttribute, VertexRecord};
 
 use super::image::ImageFormat;
 use super::{Error, Gpu, RetiredResource};
-use crate::abi::{BindingKind, ConstantValue, Shader, Stage, constants};
+use crate::abi::{BindingKind, CompiledShader, ConstantValue, ShaderStage, constants};
 use ash::vk;
 use specialization::{SpecializedConstants, check_constants};
 use std::path::PathBuf;
@@ -34,9 +34,9 @@ pub struct PipelineDescription<'a> {
     /// Name, as in captures.
     pub name: &'a str,
     /// Vertex shader.
-    pub vertex: &'a Shader,
+    pub vertex: &'a CompiledShader,
     /// Fragment shader; none for a pass that writes depth only.
-    pub fragment: Option<&'a Shader>,
+    pub fragment: Option<&'a CompiledShader>,
     /// Values of all specialization constants of both shaders but the frame's flags.
     pub constants: &'a [ConstantValue],
     /// Vertex record.
@@ -77,11 +77,11 @@ pub struct ShaderPipeline {
     name: String,
 }
 
-fn stage_flags(stage: Stage) -> vk::ShaderStageFlags {
+fn stage_flags(stage: ShaderStage) -> vk::ShaderStageFlags {
     match stage {
-        Stage::Vertex => vk::ShaderStageFlags::VERTEX,
-        Stage::Fragment => vk::ShaderStageFlags::FRAGMENT,
-        Stage::Compute => vk::ShaderStageFlags::COMPUTE,
+        ShaderStage::Vertex => vk::ShaderStageFlags::VERTEX,
+        ShaderStage::Fragment => vk::ShaderStageFlags::FRAGMENT,
+        ShaderStage::Compute => vk::ShaderStageFlags::COMPUTE,
     }
 }
 
@@ -101,7 +101,7 @@ struct ShaderModule<'a> {
 }
 
 impl<'a> ShaderModule<'a> {
-    fn new(gpu: &'a Gpu, shader: &Shader) -> Result<Self, Error> {
+    fn new(gpu: &'a Gpu, shader: &CompiledShader) -> Result<Self, Error> {
         let info = vk::ShaderModuleCreateInfo::default().code(shader.words);
         // SAFETY: the words are SPIR-V that the build compiled for Vulkan 1.3.
         let handle = unsafe { gpu.device.create_shader_module(&info, None) }
@@ -184,7 +184,7 @@ impl ShaderPipeline {
     pub fn compute(
         gpu: &Arc<Gpu>,
         name: &str,
-        shader: &Shader,
+        shader: &CompiledShader,
         constants: &[ConstantValue],
     ) -> Result<Self, Error> {
         Self::compute_with(gpu, name, shader, (constants, 0))
@@ -198,7 +198,7 @@ impl ShaderPipeline {
     pub fn compute_for_flags(
         gpu: &Arc<Gpu>,
         name: &str,
-        shader: &Shader,
+        shader: &CompiledShader,
         values: &[ConstantValue],
         flags: u32,
     ) -> Result<Self, Error> {
@@ -209,7 +209,7 @@ impl ShaderPipeline {
     fn compute_with(
         gpu: &Arc<Gpu>,
         name: &str,
-        shader: &Shader,
+        shader: &CompiledShader,
         (constants, flags): (&[ConstantValue], u32),
     ) -> Result<Self, Error> {
         check_constants(name, &[shader], constants);
@@ -247,7 +247,7 @@ impl ShaderPipeline {
     fn with_layout<'s>(
         gpu: &Arc<Gpu>,
         name: &str,
-        shaders: impl Iterator<Item = &'s Shader>,
+        shaders: impl Iterator<Item = &'s CompiledShader>,
     ) -> Result<Self, Error> {
         // Union of the bindings of all stages.
         let mut bindings: Vec<(u32, BindingKind, vk::ShaderStageFlags)> = Vec::new();
@@ -324,7 +324,7 @@ fn compile(
         .fragment
         .map(|f| ShaderModule::new(gpu, f))
         .transpose()?;
-    let shaders: Vec<&Shader> = std::iter::once(description.vertex)
+    let shaders: Vec<&CompiledShader> = std::iter::once(description.vertex)
         .chain(description.fragment)
         .collect();
     check_constants(name, &shaders, description.constants);

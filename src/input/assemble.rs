@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::job::ReadJob;
 use super::polygon::PolygonRuns;
 use super::textures::RawTextures;
-use super::{Error, FileCounts, Warning};
+use super::{Error, FileCounts, ReadWarning};
 use crate::mesh::attributes::{CoordinateGrid, PointAttributes};
 use crate::mesh::{self, Mesh};
 
@@ -327,7 +327,7 @@ pub(super) fn finish(job: &mut ReadJob<'_>, mut raw: RawMesh) -> Result<Mesh, Er
     let mut far = 0;
     let bounds = match bounds.without_strays(&mut raw.coordinates, &mut far) {
         Some(near) => {
-            job.warn_count(far, |vertices| Warning::FarOffDropped { vertices });
+            job.warn_count(far, |vertices| ReadWarning::FarOffDropped { vertices });
             near
         }
         None => bounds,
@@ -335,7 +335,7 @@ pub(super) fn finish(job: &mut ReadJob<'_>, mut raw: RawMesh) -> Result<Mesh, Er
     let exponent = bounds.exponent();
     if exponent != 0 {
         raw.coordinates.scale(f64::from(exponent).exp2());
-        job.warn(Warning::Scaled { exponent });
+        job.warn(ReadWarning::Scaled { exponent });
     }
     let bounds = bounds.scaled(f64::from(exponent).exp2());
     let origin = bounds.origin();
@@ -362,7 +362,7 @@ pub(super) fn finish(job: &mut ReadJob<'_>, mut raw: RawMesh) -> Result<Mesh, Er
             .collect(),
     };
     if origin != DVec3::ZERO {
-        job.warn(Warning::OriginMoved { origin });
+        job.warn(ReadWarning::OriginMoved { origin });
     }
 
     let mut mesh = Mesh {
@@ -383,7 +383,7 @@ pub(super) fn finish(job: &mut ReadJob<'_>, mut raw: RawMesh) -> Result<Mesh, Er
     }
     let triangles = (before - mesh.triangles.len()) as u64;
     job.warn_count(dropped.saturating_sub(far), |vertices| {
-        Warning::NotFiniteDropped {
+        ReadWarning::NotFiniteDropped {
             vertices,
             triangles,
         }
@@ -395,7 +395,7 @@ pub(super) fn finish(job: &mut ReadJob<'_>, mut raw: RawMesh) -> Result<Mesh, Er
         mesh.normals = Vec::new();
     }
     job.warn_count(unknown.saturating_sub(raw.absent_normals), |count| {
-        Warning::NormalsUnknown { count }
+        ReadWarning::NormalsUnknown { count }
     });
     if let Some(textures) = raw.textures {
         textures.join(job, &mut mesh)?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::part::{PartFault, PartInventory};
 use super::text::{line_of, shown};
-use super::{Error, FilePlace, Options, Warning};
+use super::{Error, FilePlace, ReadOptions, ReadWarning};
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::faces::FaceRepairs;
 use crate::printable::{MOST_CHARS, printable};
@@ -19,9 +19,9 @@ pub(super) struct ReadJob<'a> {
     pub(super) path: &'a Path,
     /// Where files that the model names are looked for; `None` when the model has no place of its own.
     pub(super) folder: Option<&'a Path>,
-    pub(super) options: &'a Options,
+    pub(super) options: &'a ReadOptions,
     pub(super) progress: &'a dyn Progress,
-    pub(super) warnings: Vec<Warning>,
+    pub(super) warnings: Vec<ReadWarning>,
     pub(super) inventory: PartInventory,
     /// What the points carry beside position, normal and color, in the order of the positions.
     pub(super) attributes: PointAttributes,
@@ -32,7 +32,7 @@ impl<'a> ReadJob<'a> {
     pub(super) fn new(
         path: &'a Path,
         folder: Option<&'a Path>,
-        options: &'a Options,
+        options: &'a ReadOptions,
         progress: &'a dyn Progress,
     ) -> Self {
         Self {
@@ -79,12 +79,12 @@ impl<'a> ReadJob<'a> {
         self.reported = self.reported.max(at);
     }
 
-    pub(super) fn warn(&mut self, warning: Warning) {
+    pub(super) fn warn(&mut self, warning: ReadWarning) {
         self.warnings.push(warning);
     }
 
     /// Warns only when `count` is not zero.
-    pub(super) fn warn_count(&mut self, count: u64, warning: impl FnOnce(u64) -> Warning) {
+    pub(super) fn warn_count(&mut self, count: u64, warning: impl FnOnce(u64) -> ReadWarning) {
         if count > 0 {
             self.warnings.push(warning(count));
         }
@@ -98,8 +98,8 @@ impl<'a> ReadJob<'a> {
 
     /// Says what was done about faces.
     pub(super) fn warn_repairs(&mut self, repairs: FaceRepairs) {
-        self.warn_count(repairs.opposed, |count| Warning::FacesOpposed { count });
-        self.warn_count(repairs.turned, |count| Warning::FacesTurned { count });
+        self.warn_count(repairs.opposed, |count| ReadWarning::FacesOpposed { count });
+        self.warn_count(repairs.turned, |count| ReadWarning::FacesTurned { count });
     }
 
     pub(super) fn empty(&self, what: &'static str) -> Error {

@@ -3,7 +3,7 @@
 //! [`load`] decides the format by content, then by ending, reads the whole file into memory and hands it to the
 //! reader of that format. Readers are written for bytes that may be wrong: memory is reserved only for what the
 //! bytes left in the file can hold, every index is checked, and whatever is wrong comes back as one [`Error`] with
-//! its place. What could be repaired or left out comes back as a [`Warning`].
+//! its place. What could be repaired or left out comes back as a [`ReadWarning`].
 //!
 //! All readers end in the same step (`assemble`): it moves large coordinates to an origin of their own, drops
 //! vertices that are not finite, normalizes normals.
@@ -42,7 +42,7 @@ pub use error::{Error, FilePlace};
 pub use part::{FilePart, PartFate};
 pub use point_filter::{FieldCondition, FilterField, FilteredPoints, PointFilter};
 pub use stream::{StreamedModel, open_stream};
-pub use warning::Warning;
+pub use warning::ReadWarning;
 
 pub(crate) use points::las::write as write_las;
 
@@ -57,7 +57,7 @@ pub const STANDARD_INPUT: &str = "standard input";
 
 /// How to read. The default keeps the vertices of the file as they are.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct ReadOptions {
     /// Merge vertices that are equal in position, normal and color, bit by bit. STL has no shared vertices, so
     /// its corners are always merged by position.
     pub weld: bool,
@@ -76,7 +76,7 @@ pub struct Options {
     pub limits: ReadLimits,
 }
 
-impl Default for Options {
+impl Default for ReadOptions {
     fn default() -> Self {
         Self {
             weld: false,
@@ -206,7 +206,7 @@ pub struct LoadedMesh {
     /// The format that was recognized.
     pub format: Format,
     /// What was repaired or left out.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ReadWarning>,
     /// What the file holds, part by part, and what became of it.
     pub parts: Vec<FilePart>,
     /// Size of the file as stored, in bytes (compressed when it is).
@@ -258,7 +258,11 @@ impl InputStream<'_> {
 ///
 /// # Errors
 /// See [`Error`]; a file that is damaged anywhere gives exactly one.
-pub fn load(path: &Path, options: &Options, progress: &dyn Progress) -> Result<LoadedMesh, Error> {
+pub fn load(
+    path: &Path,
+    options: &ReadOptions,
+    progress: &dyn Progress,
+) -> Result<LoadedMesh, Error> {
     if path == Path::new("-") {
         let stream = InputStream {
             path: Path::new(STANDARD_INPUT),
@@ -284,7 +288,7 @@ pub fn load(path: &Path, options: &Options, progress: &dyn Progress) -> Result<L
 /// As for [`load`].
 pub fn load_stream(
     mut stream: InputStream<'_>,
-    options: &Options,
+    options: &ReadOptions,
     progress: &dyn Progress,
 ) -> Result<LoadedMesh, Error> {
     let _span = tracing::info_span!("input.load", path = %stream.path.display()).entered();
@@ -300,7 +304,7 @@ pub fn load_stream(
 pub fn load_bytes(
     name: &str,
     bytes: &[u8],
-    options: &Options,
+    options: &ReadOptions,
     progress: &dyn Progress,
 ) -> Result<LoadedMesh, Error> {
     load_from(Path::new(name), None, bytes, options, progress)
@@ -310,7 +314,7 @@ fn load_from<'a>(
     path: &Path,
     folder: Option<&Path>,
     bytes: impl Into<std::borrow::Cow<'a, [u8]>>,
-    options: &Options,
+    options: &ReadOptions,
     progress: &dyn Progress,
 ) -> Result<LoadedMesh, Error> {
     let stored = bytes.into();
@@ -360,7 +364,7 @@ fn load_from<'a>(
         // Merged points would need merged values.
         job.attributes.columns = Vec::new();
         let parts = vec!["attributes, since points are merged".to_owned()];
-        job.warn(Warning::LeftOut { parts });
+        job.warn(ReadWarning::LeftOut { parts });
     }
     if options.weld || matches!(format, Format::StlAscii | Format::StlBinary) {
         weld::weld(&mut mesh);

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::Warning;
+use super::ReadWarning;
 use super::color::color_from_unit;
 use super::job::ReadJob;
 use super::material_texture::{ImagePlace, MaterialTexture};
@@ -154,13 +154,13 @@ pub(super) fn looks_of(
     let unplaced = materials.list.iter().filter(|_| !have_places);
     let mut unplaced = unplaced.filter_map(|material| material.texture.as_ref());
     if let Some(first) = unplaced.next() {
-        job.warn(Warning::TextureIgnored {
+        job.warn(ReadWarning::TextureIgnored {
             name: shown(first.name.as_bytes()),
             count: 1 + unplaced.count() as u64,
         });
     }
     if let Some(name) = unknown.first() {
-        job.warn(Warning::MaterialUnknown {
+        job.warn(ReadWarning::MaterialUnknown {
             name: shown(name),
             count: unknown.len() as u64,
         });
@@ -225,7 +225,7 @@ fn read_files(job: &mut ReadJob<'_>, lines: &[Vec<u8>]) -> MaterialTable {
                 job.inventory
                     .add(part, 1, PartFate::LeftOut, reason.clone());
                 let name = shown(name.as_bytes());
-                job.warn(Warning::MaterialFileMissing { name, reason });
+                job.warn(ReadWarning::MaterialFileMissing { name, reason });
             }
         }
     }

@@ -22,7 +22,7 @@ use super::pointed_index::{NO_INDEX, PointedIndex};
 use super::polygon::{FaceList, without_repeated};
 use super::text::{TextScanner, after_keyword, parse_f64, parse_i64, shown, words};
 use super::textures::RawTextures;
-use super::{Error, FileCounts, Warning};
+use super::{Error, FileCounts, ReadWarning};
 
 /// Corner of a face: indices of its position, normal and texture coordinate.
 #[derive(Debug, Clone, Copy)]
@@ -71,7 +71,7 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error>
     }
     file.forget_missing(job, data);
     file.list.warn(job);
-    job.warn_count(file.ignored, |count| Warning::PartsIgnored {
+    job.warn_count(file.ignored, |count| ReadWarning::PartsIgnored {
         what: "lines, points and curves",
         count,
     });

@@ -14,7 +14,7 @@ use super::part::{PartFate, PartFault};
 use super::polygon::FaceList;
 use super::sniff::is_off_keyword;
 use super::text::{TextScanner, parse_f64, parse_i64, words};
-use super::{Error, FileCounts, Warning};
+use super::{Error, FileCounts, ReadWarning};
 
 /// Reads an OFF file.
 pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
@@ -162,7 +162,7 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error>
     list.warn(job);
     if scanner.meaningful_line().is_some() {
         let bytes = (data.len() - scanner.at) as u64;
-        job.warn_count(bytes, |bytes| Warning::TrailingBytes { bytes });
+        job.warn_count(bytes, |bytes| ReadWarning::TrailingBytes { bytes });
     }
     if let Some(remark) = [&colors, &face_colors]
         .iter()

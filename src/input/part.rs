@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{FilePlace, Warning};
+use super::{FilePlace, ReadWarning};
 
 /// A part of a file and what became of it: an element, a property, a kind of line, a material, a texture, a block.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -83,8 +83,8 @@ impl PartFault {
     pub(super) const LINE: PartFault = PartFault("lines are not known", "ignored");
 
     /// The remark about `count` of them, the first at `place`.
-    pub(super) fn remark(self, count: u64, place: FilePlace) -> Warning {
-        Warning::PartFaulty {
+    pub(super) fn remark(self, count: u64, place: FilePlace) -> ReadWarning {
+        ReadWarning::PartFaulty {
             what: self.0,
             outcome: self.1,
             count,
@@ -178,14 +178,14 @@ impl PartInventory {
     }
 
     /// The remarks about all of it.
-    pub(super) fn remarks(&mut self) -> Vec<Warning> {
+    pub(super) fn remarks(&mut self) -> Vec<ReadWarning> {
         let mut remarks: Vec<_> = std::mem::take(&mut self.faults)
             .into_iter()
             .map(|(fault, count, place)| fault.remark(count, place))
             .collect();
         if !self.left_out.is_empty() {
             let parts = std::mem::take(&mut self.left_out);
-            remarks.push(Warning::LeftOut { parts });
+            remarks.push(ReadWarning::LeftOut { parts });
         }
         remarks
     }

@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::job::ReadJob;
-use super::{Error, Warning};
+use super::{Error, ReadWarning};
 
 /// A face of more corners than this stays a fan: clipping ears takes the square of their number.
 const MOST_CORNERS: usize = 1 << 14;
@@ -105,7 +105,7 @@ impl PolygonRuns {
         )?;
         let too_long = self.runs.iter().filter(|run| run.corners > MOST_CORNERS);
         let too_long = too_long.map(|run| run.count as u64).sum();
-        job.warn_count(too_long, |count| Warning::PolygonsTooLong {
+        job.warn_count(too_long, |count| ReadWarning::PolygonsTooLong {
             count,
             most: MOST_CORNERS as u64,
         });
@@ -237,8 +237,10 @@ impl FaceList {
 
     /// Says what was left out.
     pub(super) fn warn(&self, job: &mut ReadJob<'_>) {
-        job.warn_count(self.small, |count| Warning::FacesTooSmall { count });
-        job.warn_count(self.closed, |count| Warning::FirstCornerRepeated { count });
+        job.warn_count(self.small, |count| ReadWarning::FacesTooSmall { count });
+        job.warn_count(self.closed, |count| ReadWarning::FirstCornerRepeated {
+            count,
+        });
     }
 }
 
@@ -378,16 +380,16 @@ impl FaceClipper {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
     use super::*;
-    use crate::input::Options;
-    use crate::progress::Silent;
+    use crate::input::ReadOptions;
+    use crate::progress::SilentProgress;
     use std::path::Path;
 
     /// The triangles of faces over points in a plane.
     fn cut(points: &[[f64; 2]], faces: &[&[u32]]) -> Vec<[u32; 3]> {
         let mut list = FaceList::default();
         faces.iter().for_each(|face| list.push(face));
-        let (options, mut triangles) = (Options::default(), list.triangles.clone());
-        let mut job = ReadJob::new(Path::new("a"), None, &options, &Silent);
+        let (options, mut triangles) = (ReadOptions::default(), list.triangles.clone());
+        let mut job = ReadJob::new(Path::new("a"), None, &options, &SilentProgress);
         // A plane on the slant.
         let point = |index: u32| {
             let [x, y] = points[index as usize];

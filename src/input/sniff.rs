@@ -2,7 +2,7 @@
 
 use super::job::ReadJob;
 use super::text::{TextScanner, parse_f64, words};
-use super::{Error, Warning};
+use super::{Error, ReadWarning};
 
 /// A format with a reader; PLY tells its encoding itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,7 +94,7 @@ pub(super) fn decide(job: &mut ReadJob<'_>, data: &[u8]) -> Result<SniffedKind, 
             if by_ending.map_or(unread_by_ending.is_some(), |ending| {
                 ending.name() != kind.name()
             }) {
-                job.warn(Warning::EndingDisagrees {
+                job.warn(ReadWarning::EndingDisagrees {
                     ending,
                     format: kind.name(),
                 });
@@ -106,7 +106,7 @@ pub(super) fn decide(job: &mut ReadJob<'_>, data: &[u8]) -> Result<SniffedKind, 
             Some(kind @ (SniffedKind::Off | SniffedKind::Tri | SniffedKind::Text)) => Ok(kind),
             other => {
                 if other.is_some() || unread_by_ending.is_some() {
-                    job.warn(Warning::EndingDisagrees {
+                    job.warn(ReadWarning::EndingDisagrees {
                         ending,
                         format: SniffedKind::Text.name(),
                     });

@@ -12,7 +12,7 @@ use super::part::{PartFate, PartFault};
 use super::polygon::FaceList;
 use super::sniff::{STL_HEADER, STL_TRIANGLE};
 use super::text::{TextScanner, parse_f64, shown};
-use super::{Error, FileCounts, FilePlace, Warning};
+use super::{Error, FileCounts, FilePlace, ReadWarning};
 
 /// Triangles per parallel piece.
 const PIECE: usize = 1 << 14;
@@ -71,7 +71,7 @@ pub(super) fn read_binary(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh,
         ));
     }
     if count != u64::from(promised) {
-        job.warn(Warning::CountContradicts {
+        job.warn(ReadWarning::CountContradicts {
             what: "triangles",
             promised: u64::from(promised),
             found: count,
@@ -79,7 +79,9 @@ pub(super) fn read_binary(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh,
     }
     job.check_vertices(count * 3)?;
     let (body, rest) = body.split_at(count as usize * STL_TRIANGLE);
-    job.warn_count(rest.len() as u64, |bytes| Warning::TrailingBytes { bytes });
+    job.warn_count(rest.len() as u64, |bytes| ReadWarning::TrailingBytes {
+        bytes,
+    });
 
     let mut corners = vec![Vec3::ZERO; count as usize * 3];
     corners

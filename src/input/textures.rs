@@ -14,7 +14,7 @@ use super::job::ReadJob;
 use super::part::PartFate;
 use super::points::guarded;
 use super::text::shown;
-use super::{Error, Warning};
+use super::{Error, ReadWarning};
 use crate::mesh::Mesh;
 use crate::textures::capacity::{JPEG_PIXELS_A_BYTE, PNG_PIXELS_A_BYTE, can_hold};
 use crate::textures::{MeshTextures, NO_IMAGE, TextureImage, TextureLevel, WrapMode};
@@ -165,7 +165,7 @@ impl RawTextures {
             }
         }
         if let Some((name, reason)) = missing.first() {
-            job.warn(Warning::TextureMissing {
+            job.warn(ReadWarning::TextureMissing {
                 name: shown(name.as_bytes()),
                 reason: reason.clone(),
                 others: missing.len() as u64 - 1,
@@ -175,7 +175,7 @@ impl RawTextures {
             .iter()
             .filter(|image| image.size() != image.file_size());
         let count = reduced.count() as u64;
-        job.warn_count(count, |count| Warning::TexturesReduced {
+        job.warn_count(count, |count| ReadWarning::TexturesReduced {
             count,
             budget: job.options.limits.texture_bytes,
         });

@@ -18,7 +18,7 @@ use super::job::{ReadJob, at_line};
 use super::part::{PartFate, PartFault};
 use super::polygon::PolygonRuns;
 use super::text::{TextScanner, parse_f64, parse_i64, shown, words};
-use super::{Error, FileCounts, Warning};
+use super::{Error, FileCounts, ReadWarning};
 
 /// Reads a TRI file of either kind, told apart by the first line.
 pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
@@ -219,7 +219,7 @@ fn read_parts(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
         if let Some(promised) = stated
             && promised != found
         {
-            job.warn(Warning::CountContradicts {
+            job.warn(ReadWarning::CountContradicts {
                 what,
                 promised,
                 found,
@@ -235,11 +235,11 @@ fn read_parts(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
         return Err(job.syntax(at_line(data, data.len()), "the part `Triangles` is missing"));
     }
     if normals.is_empty() {
-        job.warn(Warning::PartMissing {
+        job.warn(ReadWarning::PartMissing {
             what: "the part `Vertices' Normals` is",
         });
     } else if normals.len() as u64 != vertices {
-        job.warn(Warning::CountContradicts {
+        job.warn(ReadWarning::CountContradicts {
             what: "vertices with a normal",
             promised: vertices,
             found: normals.len() as u64,

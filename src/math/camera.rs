@@ -38,7 +38,7 @@ pub enum CameraError {
 /// Where the light of the headlight shading is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Light {
+pub enum HeadlightSource {
     /// A point light in the eye.
     #[default]
     Point,
@@ -64,7 +64,7 @@ pub struct Camera {
     pub y_down: bool,
     /// Where the headlight is.
     #[serde(default)]
-    pub light: Light,
+    pub light: HeadlightSource,
     /// Keys this program does not know; kept when the camera is written again.
     #[serde(flatten)]
     pub other: serde_json::Map<String, serde_json::Value>,
@@ -130,7 +130,7 @@ impl Camera {
             view,
             proj: perspective(1.0 / (t * aspect), 1.0 / t, near, far),
             y_down: false,
-            light: Light::Point,
+            light: HeadlightSource::Point,
             other: serde_json::Map::new(),
         }
     }
@@ -328,7 +328,7 @@ pub struct View {
     /// Length of a model-space unit vector in view space: 1 unless the view matrix scales.
     pub model_scale: f32,
     /// Where the headlight is.
-    pub light: Light,
+    pub light: HeadlightSource,
 }
 
 impl View {

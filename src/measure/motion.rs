@@ -323,7 +323,7 @@ mod tests {
     #[test]
     fn one_exact_sample_does_not_flicker_against_itself() {
         use crate::mesh::Mesh;
-        use crate::progress::Silent;
+        use crate::progress::SilentProgress;
         use crate::render::PictureOutputs;
         use crate::render::engine::Backend;
         let mesh = Mesh {
@@ -332,7 +332,8 @@ mod tests {
             ..Mesh::default()
         };
         let model =
-            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();
+            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &SilentProgress)
+                .unwrap();
         let target = MotionTarget::of(&model);
         let camera = Camera::orbit((40, 40), target.center, target.radius, 0.2, 0.1, 1.0);
         let steps = MotionSteps {
@@ -362,7 +363,7 @@ mod tests {
             samples_side: 1,
             rules: TemporalRules::default(),
         };
-        let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
+        let found = measure(&mut engine, &model, &plan, &SilentProgress).unwrap();
         for sequence in &found {
             let figures = sequence.figures();
             assert!(figures.reference_level > 1.0, "{figures:?}");
@@ -372,7 +373,7 @@ mod tests {
         assert_eq!(found[1].figures().mean_churn, Some(0.0));
         // Against more samples its rim does.
         plan.samples_side = 4;
-        let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
+        let found = measure(&mut engine, &model, &plan, &SilentProgress).unwrap();
         assert!(found[0].figures().mean_level > 0.1);
     }
 
@@ -380,13 +381,14 @@ mod tests {
     #[test]
     fn cuts_are_those_that_views_draw() {
         use crate::generate::{self, GeneratedShape, ShapeSpec};
-        use crate::progress::Silent;
+        use crate::progress::SilentProgress;
         use crate::render::PictureOutputs;
         use crate::render::engine::Backend;
         let mesh =
             generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 60_000).unwrap());
         let model =
-            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();
+            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &SilentProgress)
+                .unwrap();
         let target = MotionTarget::of(&model);
         let camera = Camera::orbit((40, 40), target.center, target.radius, 0.2, 0.1, 1.0);
         let steps = MotionSteps {
@@ -416,7 +418,7 @@ mod tests {
             samples_side: 1,
             rules: TemporalRules::default(),
         };
-        let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
+        let found = measure(&mut engine, &model, &plan, &SilentProgress).unwrap();
         let [one, near, larger] = [0, 1, 2].map(|i| found[i].figures().mean_churn.unwrap());
         assert!(
             one > 0.0 && near == one && larger != one,

@@ -304,7 +304,7 @@ mod tests {
     use super::*;
     use crate::mesh::Mesh;
     use crate::oriented::shapes::{cube, grid, l_shape};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use glam::Vec3;
 
     fn torus() -> Mesh {
@@ -323,7 +323,7 @@ mod tests {
 
     fn culls(mesh: &Mesh, rule: ConeRule) -> [usize; 2] {
         let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
-        let CullCount { wrong, culled } = ConeTree::of_faces(&surface, rule).count(&Silent);
+        let CullCount { wrong, culled } = ConeTree::of_faces(&surface, rule).count(&SilentProgress);
         [wrong, culled]
     }
 
@@ -424,9 +424,9 @@ mod tests {
         );
         let none = WeldedSurface::default();
         let tree = ConeTree::of_faces(&none, ConeRule::Corrected);
-        assert_eq!(tree.count(&Silent), CullCount::default());
+        assert_eq!(tree.count(&SilentProgress), CullCount::default());
         assert_eq!(
-            ConeTree::of_vertices(&none).count(&Silent),
+            ConeTree::of_vertices(&none).count(&SilentProgress),
             CullCount::default()
         );
     }

@@ -1,7 +1,7 @@
 //! From a cut to filtered splats: each patch of surface by its integrals, as the eye sees them.
 //!
 //! A node carries, over its triangles t of area A_t, unit normal n_t and shading normal s_t, the sums A = Σ A_t,
-//! c = Σ A_t p_t / A, N = Σ A_t n_t and Q = Σ A_t (n_t s_tᵀ + s_t n_tᵀ) / 2 ([`crate::tree::Moments`]). From an eye at e,
+//! c = Σ A_t p_t / A, N = Σ A_t n_t and Q = Σ A_t (n_t s_tᵀ + s_t n_tᵀ) / 2 ([`crate::tree::SurfaceMoments`]). From an eye at e,
 //! with w = e - c, v = w / |w|, the depth z along the view direction and the focal length f in pixels:
 //!
 //! * an area element dA of normal n covers f² dA (n·w) / z³ of the picture plane, so a patch that faces the eye
@@ -57,7 +57,7 @@ use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
 use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
 use crate::pack::parallel::RecordSink;
-use crate::pack::{ColorBy, LampSource, Lighting, Phong};
+use crate::pack::{ColorBy, LampSource, Phong, SurfaceLighting};
 use crate::tree::{Leaf, Model, Node, Tree};
 use glam::{Vec3, Vec4};
 use prefetch_index::prefetch_index;
@@ -100,7 +100,7 @@ pub struct FilteredShade {
     /// Distances of [`ColorBy::Depth`]: [`falsecolor::depth_range`](crate::pack::falsecolor::depth_range).
     pub depth_range: [f32; 2],
     /// How surfaces are lit; positions in model space.
-    pub light: Lighting,
+    pub light: SurfaceLighting,
 }
 
 /// The part of the frame that every splat needs.
@@ -262,12 +262,12 @@ pub fn write(
         right: axis(0),
         up: axis(1),
         lamp: match shade.light {
-            Lighting::Headlight | Lighting::Sphere(_) => None,
-            Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
+            SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => None,
+            SurfaceLighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
         },
         sphere: match shade.light {
-            Lighting::Headlight | Lighting::Phong(_) => None,
-            Lighting::Sphere(sphere) => Some(sphere.lights()),
+            SurfaceLighting::Headlight | SurfaceLighting::Phong(_) => None,
+            SurfaceLighting::Sphere(sphere) => Some(sphere.lights()),
         },
     };
     let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();

@@ -13,8 +13,8 @@
 use crate::abi::constants::{FULL_HIGHLIGHT, LARGEST_SMALL_BLENDED_PX, LEAST_BACK};
 use crate::abi::{FuzzySplat, WeightedSplat};
 use crate::cut::Cut;
-use crate::math::camera::{Light, View};
-use crate::pack::light::{LampSource, Lighting, Phong};
+use crate::math::camera::{HeadlightSource, View};
+use crate::pack::light::{LampSource, Phong, SurfaceLighting};
 use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
 use crate::pack::parallel::RecordSink;
@@ -48,7 +48,7 @@ pub struct FuzzyLook {
     /// What decides the color; no data ([`ColorBy::is_data`]).
     pub color_by: ColorBy,
     /// How surfaces are lit; positions in model space.
-    pub light: Lighting,
+    pub light: SurfaceLighting,
 }
 
 /// What was written: small splats with their places from the start of the list; up to its end [`WeightedSplat`]s that are
@@ -239,7 +239,7 @@ impl<'a> FuzzyEye<'a> {
             look,
             is_perspective: view.is_perspective,
             footprint: plan.footprint,
-            is_parallel: view.light == Light::Directional || !view.is_perspective,
+            is_parallel: view.light == HeadlightSource::Directional || !view.is_perspective,
             turn: rows.map(|[x, y, z, _]| [x, y, z].map(|c| c * inverse_scale)),
             rows,
             depth: [clip.z_axis.z, clip.w_axis.z].map(Vec4::splat),
@@ -252,12 +252,12 @@ impl<'a> FuzzyEye<'a> {
             half_size: Vec4::splat(0.5 * plan.threshold_px.max(1.0) / view.focal_px()),
             depth_offset: Vec4::splat(look.depth_offset),
             lamp: match look.light {
-                Lighting::Headlight | Lighting::Sphere(_) => None,
-                Lighting::Phong(phong) => Some((phong, phong.lamp.in_view(view))),
+                SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => None,
+                SurfaceLighting::Phong(phong) => Some((phong, phong.lamp.in_view(view))),
             },
             sphere: match look.light {
-                Lighting::Headlight | Lighting::Phong(_) => None,
-                Lighting::Sphere(sphere) => Some(sphere.lights()),
+                SurfaceLighting::Headlight | SurfaceLighting::Phong(_) => None,
+                SurfaceLighting::Sphere(sphere) => Some(sphere.lights()),
             },
         }
     }

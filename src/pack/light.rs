@@ -21,8 +21,8 @@ use glam::{DMat4, DVec3};
 
 /// How surfaces are lit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Lighting {
-    /// Light in the eye, see [`crate::math::camera::Light`]: 0.8 |n . l|.
+pub enum SurfaceLighting {
+    /// Light in the eye, see [`crate::math::camera::HeadlightSource`]: 0.8 |n . l|.
     #[default]
     Headlight,
     /// One lamp.
@@ -31,7 +31,7 @@ pub enum Lighting {
     Sphere(LitSphere),
 }
 
-impl Lighting {
+impl SurfaceLighting {
     /// Tells whether a gray surface is gray in it.
     pub fn is_gray(self) -> bool {
         match self {
@@ -97,7 +97,7 @@ pub enum Lamp {
         /// Angle above the camera's horizontal plane.
         elevation: f64,
     },
-    /// A point: of the world in [`crate::render::Settings`], of the model in [`crate::pack::Style`].
+    /// A point: of the world in [`crate::render::Settings`], of the model in [`crate::pack::PrimitiveStyle`].
     At(DVec3),
 }
 
@@ -180,7 +180,7 @@ mod tests {
             lamp: Lamp::At(eye),
             ..Phong::default()
         };
-        let Lighting::Phong(phong) = Lighting::Phong(phong).in_model(origin) else {
+        let SurfaceLighting::Phong(phong) = SurfaceLighting::Phong(phong).in_model(origin) else {
             panic!("still a lamp")
         };
         let LampSource::Point(in_view) = phong.lamp.in_view(&view) else {

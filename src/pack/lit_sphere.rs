@@ -11,7 +11,7 @@
 //! value   = 0.8 C diffuse + sum specular_i g_i max(0, n . h_i)^shininess + rim (1 - n.z)^rim_power
 //! ```
 //!
-//! limited to 1, with g and the sides of a surface as in [`crate::pack::Lighting`]. Each pixel or splat has a frame of its own, so
+//! limited to 1, with g and the sides of a surface as in [`crate::pack::SurfaceLighting`]. Each pixel or splat has a frame of its own, so
 //! that a sphere anywhere in the picture is lit as one in its middle.
 
 use crate::abi::FrameConstants;

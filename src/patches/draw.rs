@@ -11,7 +11,7 @@ use super::record::NodePatches;
 use crate::abi::OrientedPolygon;
 use crate::cut::{StripRun, strip_centers};
 use crate::image::{Image, unorm8};
-use crate::math::camera::{Light, View};
+use crate::math::camera::{HeadlightSource, View};
 use crate::math::octahedral;
 use crate::pack::ALBEDO;
 use crate::pack::polygons::ScreenPolygon;
@@ -207,7 +207,7 @@ impl<'a> PatchCanvas<'a> {
     fn shade(&mut self, index: usize, sample: &SurfaceSample) {
         let view = self.view;
         let to_light = match view.light {
-            Light::Point if view.is_perspective => {
+            HeadlightSource::Point if view.is_perspective => {
                 (view.eye - sample.position).normalize_or(view.backward)
             }
             _ => view.backward,

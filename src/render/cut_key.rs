@@ -8,7 +8,7 @@ use crate::patches::{PatchCutSettings, PatchRules};
 use crate::render::model_facts::DrawnFacts;
 use crate::render::settings::PolygonSource;
 use crate::render::technique::Technique;
-use crate::render::{Method, Occlusion, Path, Settings, SplatKind, Traversal};
+use crate::render::{CutTraversal, Method, Occlusion, Path, Settings, SplatKind};
 use crate::tree::Model;
 
 /// Above this threshold hidden splats are drawn unless asked otherwise, pixels: discs, of which few are hidden, and squares
@@ -72,7 +72,7 @@ pub(crate) struct CutKey {
     /// Footprints that splats are taken for, where those that are hidden are left out.
     seen: Option<cut::SplatFootprints>,
     /// Start of the traversal; the lists are the same.
-    traversal: Traversal,
+    traversal: CutTraversal,
     /// Source of oriented polygons, where some are drawn.
     polygons: Option<PolygonSource>,
 }
@@ -147,7 +147,7 @@ impl CutKey {
         into: &mut cut::Cut,
     ) {
         let (view, settings) = (&self.view, &self.settings);
-        selector.set_coherent(self.traversal == Traversal::Coherent);
+        selector.set_coherent(self.traversal == CutTraversal::Coherent);
         match self.seen {
             Some(footprints) => {
                 selector.select_seen(model, view, settings, (footprints, undrawn()), into);

@@ -12,7 +12,7 @@ use crate::gpu::frame::FrameMeasure;
 use crate::gpu::{DeviceOptions, Error, Gpu};
 use crate::image::{FloatImage, Image, PictureAccumulator, jittered};
 use crate::math::camera::View;
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use crate::projective::frame_photos::FramePhotos;
 use crate::render::PictureOutputs;
 use crate::render::backend_choice::{AvailableBackends, FrameBackend};
@@ -293,7 +293,7 @@ impl<'m> Engine<'m> {
     /// # Errors
     /// As [`PagedModel::prepare`]; when device memory runs out.
     fn prepare_pages(&mut self, view: &View, settings: &Settings) -> Result<Settings, Error> {
-        let mut messages = self.load_pages(view, settings, &Silent)?;
+        let mut messages = self.load_pages(view, settings, &SilentProgress)?;
         self.page_messages.append(&mut messages);
         let shown = self.models.iter_mut().filter(|model| model.is_shown);
         let pages = shown.filter_map(|model| model.pages.as_mut());

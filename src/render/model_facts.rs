@@ -5,7 +5,7 @@ use crate::cut::ZeroAreaSet;
 use crate::oriented::resample::{SampleBounds, SampleChoice, SampleError, samples_of};
 use crate::oriented::surface::WeldedSurface;
 use crate::patches::{PatchCut, ResidentPatches};
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use crate::render::vertex_looks::looks_of;
 use crate::tree;
 use crate::tree::{Model, ModelKind};
@@ -162,7 +162,7 @@ impl ModelFacts {
     /// Nodes as polygons; made at the first call, in some seconds of processor time for each million triangles.
     pub(crate) fn patches(&self, model: &Model) -> &ResidentPatches {
         // Nobody cancels.
-        let made = || ResidentPatches::build(model, &Silent).unwrap_or_default();
+        let made = || ResidentPatches::build(model, &SilentProgress).unwrap_or_default();
         self.patches.get_or_init(made)
     }
 

@@ -485,7 +485,7 @@ fn surrounds(model: &Model, point: Vec3) -> bool {
     let solid_angle = |id: u32| {
         let node: &Node = &tree.nodes[id as usize];
         let area = tree.attributes[id as usize].area;
-        let unit = crate::tree::Moments::UNIT;
+        let unit = crate::tree::SurfaceMoments::UNIT;
         let vector = tree.moments[id as usize].vector_area.map(f32::from);
         let vector = (Vec3::from_array(vector) * (area / unit)).as_dvec3();
         let to = node.center.as_dvec3() - point.as_dvec3();

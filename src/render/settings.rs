@@ -3,7 +3,7 @@
 use crate::cut::SizeMetric;
 use crate::math::camera::View;
 use crate::oriented::splats::SplatRules;
-use crate::pack::{ColorBy, Footprint, Lighting};
+use crate::pack::{ColorBy, Footprint, SurfaceLighting};
 use crate::patches::PatchRules;
 use crate::render::outputs::PictureOutputs;
 
@@ -126,7 +126,7 @@ pub enum CutOn {
 /// Start of the processor's traversal for the cut of a frame. The picture is the same to the bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Traversal {
+pub enum CutTraversal {
     /// Start that was measured to be faster: at the root (docs/PERFORMANCE.md).
     #[default]
     Auto,
@@ -253,7 +253,7 @@ pub struct Settings {
     /// Choice of who makes the cut on a device.
     pub cut_on: CutOn,
     /// Start of the processor's traversal for a cut.
-    pub traversal: Traversal,
+    pub traversal: CutTraversal,
     /// Contents of draw lists on a device.
     pub list_of: ListOf,
     /// Choice to leave out what is hidden.
@@ -284,7 +284,7 @@ pub struct Settings {
     /// Source of the color.
     pub color_by: ColorBy,
     /// Light on surfaces; positions in world space.
-    pub light: Lighting,
+    pub light: SurfaceLighting,
     /// Light both sides of a surface.
     pub two_sided: bool,
     /// Multiply by vertex colors.
@@ -316,7 +316,7 @@ impl Default for Settings {
             reconstruction: Reconstruction::Gaussian,
             path: Path::Auto,
             cut_on: CutOn::Auto,
-            traversal: Traversal::Auto,
+            traversal: CutTraversal::Auto,
             list_of: ListOf::Auto,
             occlusion: Occlusion::Auto,
             depth_offset: None,
@@ -330,7 +330,7 @@ impl Default for Settings {
             marks_uncovered: false,
             culling: Culling::Auto,
             color_by: ColorBy::Shading,
-            light: Lighting::Headlight,
+            light: SurfaceLighting::Headlight,
             two_sided: true,
             use_colors: true,
             background: [0.0; 3],
@@ -344,7 +344,7 @@ impl Default for Settings {
 impl Settings {
     /// Tells whether the headlight and nothing else decides how bright a surface is: no lamp, and no data as colors.
     pub fn has_headlight(&self) -> bool {
-        self.light == Lighting::Headlight && !self.color_by.is_data()
+        self.light == SurfaceLighting::Headlight && !self.color_by.is_data()
     }
 
     /// Tells whether everything is gray, of models that have colors or none.
@@ -432,7 +432,7 @@ impl Settings {
         }
     }
 
-    /// Tells whether filtered splats are drawn: they need the sums of the tree ([`crate::tree::Moments`]).
+    /// Tells whether filtered splats are drawn: they need the sums of the tree ([`crate::tree::SurfaceMoments`]).
     pub fn draws_filtered(&self) -> bool {
         self.draws_splats() && self.splat == SplatKind::Filtered
     }

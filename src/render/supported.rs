@@ -4,7 +4,7 @@ use crate::cut::SizeMetric;
 use crate::gpu::Error;
 use crate::pack::splats::SplatPlan;
 use crate::pack::{ColorBy, Footprint, ids};
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::technique::Technique;
 use crate::render::{
@@ -146,7 +146,7 @@ pub(crate) fn check_samples_of(settings: &Settings, parts: DrawnParts<'_>) -> Re
         return Ok(());
     };
     for part in parts.iter() {
-        let made = (part.facts).even_splats(part.model, &choice, rules.crease(), &Silent);
+        let made = (part.facts).even_splats(part.model, &choice, rules.crease(), &SilentProgress);
         made.map_err(|error| Error::Unsupported {
             what: "even splats (--resample)",
             why: error.to_string(),

@@ -6,11 +6,11 @@
 //! are compared with the file before memory is asked for, and all links are tested before the model is handed out.
 
 use super::{
-    AlignedRecords, Error, Leaf, Model, Moments, NodeAttributes, PackedPatch, PackedPatchColors,
-    PatchRecords, Tree, check, framed,
+    AlignedRecords, Error, Leaf, Model, NodeAttributes, PackedPatch, PackedPatchColors,
+    PatchRecords, SurfaceMoments, Tree, check, framed,
 };
 use crate::abi::Vertex;
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -233,7 +233,7 @@ pub fn read(path: &Path) -> Result<Model, Error> {
     };
     let mut file = File::open(path).map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();
-    read_from(&mut file, length, path, &Silent)
+    read_from(&mut file, length, path, &SilentProgress)
 }
 
 /// Reads a model from a file that somebody else opened, `length` bytes long; `path` is for the errors. Reports one stage,
@@ -315,7 +315,7 @@ pub fn read_from(
             first_leaf: reader.section::<u32>()?,
             level_starts: reader.section::<u32>()?,
             leaves: reader.section_in(AlignedRecords::<Leaf>::zeroed)?,
-            moments: reader.section_in(AlignedRecords::<Moments>::zeroed)?,
+            moments: reader.section_in(AlignedRecords::<SurfaceMoments>::zeroed)?,
         },
         used_vertices: header.used_vertices,
         origin: DVec3::from_array(header.origin),

@@ -111,7 +111,7 @@ impl CountedBox {
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use crate::mesh::Mesh;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{BuildOptions, Model, build};
     use glam::{DVec3, Vec3};
 
@@ -129,7 +129,7 @@ mod tests {
             origin: DVec3::Y * 7.0,
             ..Mesh::default()
         };
-        build(mesh, &BuildOptions::default(), &Silent).unwrap()
+        build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
     }
 
     #[test]

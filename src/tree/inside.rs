@@ -92,12 +92,17 @@ mod tests {
 
     use super::*;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{BuildOptions, build};
 
     fn model(shape: GeneratedShape, triangles: u64) -> Model {
         let spec = ShapeSpec::with_triangles(shape, triangles).unwrap();
-        build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap()
+        build(
+            generate::mesh(&spec),
+            &BuildOptions::default(),
+            &SilentProgress,
+        )
+        .unwrap()
     }
 
     /// Points of a lattice in the box [-1.6, 1.6] cubed, off the axes.
@@ -149,7 +154,7 @@ mod tests {
         let mut cloud =
             generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Sphere, 2000).unwrap());
         cloud.triangles.clear();
-        let cloud = build(cloud, &BuildOptions::default(), &Silent).unwrap();
+        let cloud = build(cloud, &BuildOptions::default(), &SilentProgress).unwrap();
         assert!(!cloud.surrounds(Vec3::ZERO));
         assert!(!Model::default().surrounds(Vec3::ZERO));
     }

@@ -117,7 +117,7 @@ mod tests {
 
     use super::*;
     use crate::mesh::Mesh;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{BuildOptions, build};
     use glam::Vec3;
 
@@ -133,7 +133,7 @@ mod tests {
     #[test]
     fn a_model_is_a_surface_points_or_empty() {
         let kind = |mesh| {
-            build(mesh, &BuildOptions::default(), &Silent)
+            build(mesh, &BuildOptions::default(), &SilentProgress)
                 .unwrap()
                 .kind()
         };
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn the_orbit_looks_at_the_middle_of_the_model_in_the_world() {
-        let model = build(corner(), &BuildOptions::default(), &Silent).unwrap();
+        let model = build(corner(), &BuildOptions::default(), &SilentProgress).unwrap();
         let sphere = model.orbit_sphere();
         assert_eq!(sphere.center, DVec3::new(1e6 + 3.0, 4.0, -1e6));
         assert!((sphere.radius - 5.0).abs() < 1e-6);

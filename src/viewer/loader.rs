@@ -3,7 +3,7 @@
 
 use super::preview;
 use crate::gpu::{self, Gpu, lock};
-use crate::input::Warning;
+use crate::input::ReadWarning;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
@@ -68,7 +68,7 @@ pub struct LoadedModel {
     /// The axis that is up.
     pub up: UpAxis,
     /// What of its file was repaired or left out.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ReadWarning>,
     /// What its points carry, in the order of the model's.
     pub attributes: PointAttributes,
     /// Models that are drawn with it, in its space.
@@ -91,7 +91,7 @@ pub struct LoadedPart {
     /// What it stands in for, where it is a paged file.
     pub pages: Option<PagedModel>,
     /// What of its file was repaired or left out.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ReadWarning>,
     /// What its points carry, in the order of the model's; nothing where the model was moved, which orders it anew.
     pub attributes: PointAttributes,
 }

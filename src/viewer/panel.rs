@@ -8,7 +8,7 @@ use super::input::{KeyCommand, MeasureChange};
 use super::lamp::LightKind;
 use super::text::count;
 use crate::image::MarkChoice;
-use crate::pack::{ColorBy, Lighting};
+use crate::pack::{ColorBy, SurfaceLighting};
 use crate::render::stats::FrameCounts;
 use crate::render::stats::OverdrawSummary;
 use crate::render::vulkan::overdraw;
@@ -153,7 +153,7 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     if settings.color_by == ColorBy::Overdraw {
         legend(ui, state.overdraw);
     }
-    if let Lighting::Phong(phong) = &mut settings.light {
+    if let SurfaceLighting::Phong(phong) = &mut settings.light {
         lamp::show(ui, phong, state.radius, wishes);
     }
     if let Some(of_photos) = &state.photographs {

@@ -15,16 +15,16 @@ mod scans;
 mod textures;
 
 use glam::Vec3;
-use surfel::input::{self, Error, LoadedMesh, Options};
-use surfel::progress::Silent;
+use surfel::input::{self, Error, LoadedMesh, ReadOptions};
+use surfel::progress::SilentProgress;
 
 fn try_read(name: &str, bytes: impl AsRef<[u8]>) -> Result<LoadedMesh, Error> {
     // The files are made by hand: what their faces have in common is none of a surface.
-    let options = Options {
+    let options = ReadOptions {
         repair_faces: false,
-        ..Options::default()
+        ..ReadOptions::default()
     };
-    input::load_bytes(name, bytes.as_ref(), &options, &Silent)
+    input::load_bytes(name, bytes.as_ref(), &options, &SilentProgress)
 }
 
 fn read(name: &str, bytes: impl AsRef<[u8]>) -> LoadedMesh {

@@ -3,7 +3,7 @@
 use crate::scene::*;
 use glam::DVec3;
 use surfel::image::{Image, PictureAccumulator, compare, jittered};
-use surfel::pack::Style;
+use surfel::pack::PrimitiveStyle;
 use surfel::render::PictureOutputs;
 use surfel::render::reference::render;
 
@@ -35,7 +35,7 @@ fn the_mean_of_jittered_pictures_is_the_covered_area() {
             let image = render(
                 &jittered(&view, i, 4),
                 &model.list(),
-                &Style::default(),
+                &PrimitiveStyle::default(),
                 PictureOutputs::default(),
             );
             sum.add(&image).unwrap();
@@ -44,7 +44,7 @@ fn the_mean_of_jittered_pictures_is_the_covered_area() {
         let single = render(
             &view,
             &model.list(),
-            &Style::default(),
+            &PrimitiveStyle::default(),
             PictureOutputs::default(),
         );
         let (mut largest, mut largest_single): (f64, f64) = (0.0, 0.0);
@@ -77,7 +77,7 @@ fn comparing_pictures_sees_a_moved_sphere() {
         render(
             &sphere_view(3.0, 200),
             &model.list(),
-            &Style::default(),
+            &PrimitiveStyle::default(),
             PictureOutputs::default(),
         )
     };

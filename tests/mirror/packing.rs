@@ -7,7 +7,7 @@ use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::pack::filtered::{FilteredShade, drawn_counts, splat_count, splats, take_triangles};
 use surfel::pack::{ALBEDO, ColorBy};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::tree::{BuildOptions, Model, build};
 
 /// A grid of n by n unit cells in the plane z = 0.
@@ -25,7 +25,7 @@ fn grid(n: u32) -> Mesh {
 }
 
 fn model(mesh: Mesh) -> Model {
-    build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Facing the middle of a grid of 40 cells from such a distance that a unit is `unit_px` pixels there.
@@ -49,7 +49,7 @@ const SHADE: FilteredShade = FilteredShade {
     use_colors: true,
     color_by: ColorBy::Shading,
     depth_range: [0.0, 1.0],
-    light: surfel::pack::Lighting::Headlight,
+    light: surfel::pack::SurfaceLighting::Headlight,
     cut_view: None,
 };
 

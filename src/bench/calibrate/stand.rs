@@ -8,7 +8,7 @@ use crate::gpu::Gpu;
 use crate::gpu::device::DeviceKind;
 use crate::math::camera::View;
 use crate::mesh::Mesh;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::render::PictureOutputs;
 use crate::render::cost::model::{
     DrawCosts, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PerRasterizer, PrimitiveCosts, SIZES_PX,
@@ -41,7 +41,7 @@ struct StandStage {
 
 impl StandStage {
     fn new(gpu: &Arc<Gpu>, mesh: Mesh) -> Result<Self, BenchError> {
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress)?;
         let scene = DeviceScene::new(gpu, &model)?;
         Ok(Self { model, scene })
     }

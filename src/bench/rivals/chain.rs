@@ -89,6 +89,6 @@ pub(super) fn model(of: &Model, level: &RivalLevel) -> Result<Model, BenchError>
     Ok(tree::build(
         mesh,
         &BuildOptions::default(),
-        &crate::progress::Silent,
+        &crate::progress::SilentProgress,
     )?)
 }

@@ -17,7 +17,7 @@ use crate::oriented::radius::RadiusRule;
 use crate::oriented::shapes::{cube, grid, l_shape};
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
-use crate::pack::{DrawList, Style};
+use crate::pack::{DrawList, PrimitiveStyle};
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::reference::{PolygonList, render_with_polygons};
@@ -159,9 +159,9 @@ impl FailureScene {
             depth: true,
             ..PictureOutputs::default()
         };
-        let style = Style {
+        let style = PrimitiveStyle {
             cull_back_faces: true,
-            ..Style::default()
+            ..PrimitiveStyle::default()
         };
         render_with_polygons(&self.view, &list, polygons, &style, outputs)
     }
@@ -414,11 +414,11 @@ fn cones_of_vertices() -> WaysOfFailure {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
     use super::*;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
 
     #[test]
     fn his_ways_fail_and_ours_do_not() {
-        let (sheet, table) = failures(&Silent).unwrap();
+        let (sheet, table) = failures(&SilentProgress).unwrap();
         assert!(sheet.width > 3 * SIZE.0 && sheet.height > 6 * SIZE.1);
         let is = |color: [u8; 3]| sheet.color.iter().filter(|c| c[..3] == color).count();
         let number = |row: &[String], column: usize| -> u64 {

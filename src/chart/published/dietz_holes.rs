@@ -11,7 +11,7 @@ use crate::oriented::radius::RadiusRule;
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
 use crate::pack::polygons::PlaneFrame;
-use crate::pack::{DrawList, Style};
+use crate::pack::{DrawList, PrimitiveStyle};
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::reference::{PolygonList, render_with_polygons};
@@ -114,7 +114,7 @@ fn bare_in_views(model: &Model, set: &SplatSet) -> Result<u64, ChartError> {
     let beside: Vec<[u32; 3]> = (set.triangles.iter())
         .map(|&id| model.triangles[id as usize])
         .collect();
-    let style = Style::default();
+    let style = PrimitiveStyle::default();
     let mut bare = 0;
     for k in 0..HOLE_VIEWS {
         let view: View = orbit(model, (300, 300), 1.0, k, HOLE_VIEWS)?;

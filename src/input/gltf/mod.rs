@@ -24,7 +24,7 @@ use super::job::ReadJob;
 use super::part::PartFate;
 use super::polygon::PolygonRuns;
 use super::text::shown;
-use super::{Error, FileCounts, FilePlace, Format, Warning};
+use super::{Error, FileCounts, FilePlace, Format, ReadWarning};
 
 /// Extensions that change nothing of what is drawn here, or are read.
 const KNOWN: [&str; 3] = [
@@ -494,11 +494,11 @@ fn list(job: &mut ReadJob<'_>, document: &GltfDocument, places: &[MeshPlace], si
     if places.iter().any(|place| place.is_skinned) {
         job.inventory.leave_out("the pose of skinned meshes");
     }
-    job.warn_count(sink.lines, |count| Warning::PartsIgnored {
+    job.warn_count(sink.lines, |count| ReadWarning::PartsIgnored {
         what: "primitives of lines",
         count,
     });
-    job.warn_count(sink.loose_points, |count| Warning::PartsIgnored {
+    job.warn_count(sink.loose_points, |count| ReadWarning::PartsIgnored {
         what: "points beside triangles",
         count,
     });

@@ -3,7 +3,7 @@
 use glam::{DMat4, DQuat, DVec3};
 
 use super::super::job::ReadJob;
-use super::super::{Error, FilePlace, Warning};
+use super::super::{Error, FilePlace, ReadWarning};
 use super::document::{GltfDocument, GltfNode};
 
 /// A mesh at a place of the world.
@@ -61,7 +61,7 @@ pub(super) fn places(
         }
         stack.extend(node.children.iter().rev().map(|&child| (child, to_world)));
     }
-    job.warn_count(again, |count| Warning::PartsIgnored {
+    job.warn_count(again, |count| ReadWarning::PartsIgnored {
         what: "nodes that are named twice",
         count,
     });

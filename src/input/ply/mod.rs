@@ -27,7 +27,7 @@ use super::color::{ColorRange, ColorSink};
 use super::job::ReadJob;
 use super::part::PartFate;
 use super::polygon::FaceList;
-use super::{Error, FileCounts, FilePlace, Format, Warning};
+use super::{Error, FileCounts, FilePlace, Format, ReadWarning};
 
 /// What has been read so far.
 #[derive(Debug)]
@@ -99,7 +99,7 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, RawMes
     };
     let rest = data[end..].trim_ascii_end().len() as u64;
     if wanted == header.elements.len() {
-        job.warn_count(rest, |bytes| Warning::TrailingBytes { bytes });
+        job.warn_count(rest, |bytes| ReadWarning::TrailingBytes { bytes });
     }
     sink.list.warn(job);
     sink.remark(job, &header);
@@ -199,7 +199,7 @@ impl ReadParts {
             };
             if columns.are_splats {
                 let count = element.count;
-                job.warn(Warning::GaussianSplats { count });
+                job.warn(ReadWarning::GaussianSplats { count });
             }
             if let Some(alpha) = columns::alpha_of(&columns) {
                 let part = format!("property {} of {}", element.names[alpha], element.name);

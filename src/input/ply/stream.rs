@@ -10,9 +10,9 @@ use crate::input::color::{ColorRange, ColorSink};
 use crate::input::job::ReadJob;
 use crate::input::polygon::FaceList;
 use crate::input::stream::{RowFile, StreamedModel, boxed};
-use crate::input::{Error, Format, Options, Warning};
+use crate::input::{Error, Format, ReadOptions, ReadWarning};
 use crate::mesh::stream::{MeshStream, PIECE, StreamError, StreamFacts, TakePiece, VertexPiece};
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -28,7 +28,7 @@ const RANGE_BYTES: u64 = 8 << 20;
 #[derive(Debug)]
 struct PlyRows {
     file: RowFile,
-    options: Options,
+    options: ReadOptions,
     vertex: PlyElement,
     columns: VertexColumns,
     /// Bytes of a vertex.
@@ -246,7 +246,12 @@ impl<const BIG: bool> PlyStream<BIG> {
             count,
             ..faces.element.clone()
         };
-        let job = ReadJob::new(&self.rows.file.path, None, &self.rows.options, &Silent);
+        let job = ReadJob::new(
+            &self.rows.file.path,
+            None,
+            &self.rows.options,
+            &SilentProgress,
+        );
         let read = fixed::read::<BIG>(&job, &data, &element, sink)?;
         Ok(read.map(|read| at + read as u64))
     }
@@ -278,7 +283,12 @@ impl<const BIG: bool> PlyStream<BIG> {
                 },
                 ..faces.element.clone()
             };
-            let mut job = ReadJob::new(&self.rows.file.path, None, &self.rows.options, &Silent);
+            let mut job = ReadJob::new(
+                &self.rows.file.path,
+                None,
+                &self.rows.options,
+                &SilentProgress,
+            );
             let mut source = BinaryBody::<BIG>::new(&data, 0).behind(at);
             rows::read(&mut job, &mut source, &element, sink)?;
             let sink_list = std::mem::take(&mut sink.list);
@@ -443,8 +453,8 @@ impl<const BIG: bool> MeshStream for PlyStream<BIG> {
         let small = self.left_out.load(Ordering::Relaxed);
         let repeated = self.repeated.load(Ordering::Relaxed);
         let warnings = [
-            (small > 0).then_some(Warning::FacesTooSmall { count: small }),
-            (repeated > 0).then_some(Warning::FirstCornerRepeated { count: repeated }),
+            (small > 0).then_some(ReadWarning::FacesTooSmall { count: small }),
+            (repeated > 0).then_some(ReadWarning::FirstCornerRepeated { count: repeated }),
         ];
         let warnings = warnings.into_iter().flatten();
         warnings.map(|warning| warning.to_string()).collect()

@@ -14,7 +14,7 @@ use super::super::color::ColorRange;
 use super::super::job::ReadJob;
 use super::super::part::PartFate;
 use super::super::text::shown;
-use super::super::{Error, FilePlace, Format, Warning};
+use super::super::{Error, FilePlace, Format, ReadWarning};
 use super::guard::guarded;
 use super::roles::{ColumnRole, attribute_name, kind_of, role_of_name};
 use super::sink::{CloudSink, TableBlock};
@@ -139,10 +139,10 @@ pub(in super::super) fn read(
                 return Err(job.syntax(FilePlace::Byte(scan.file_offset), short(&reason)));
             }
             let parts = vec![format!("the rest of scan {index} ({})", short(&reason))];
-            job.warn(Warning::LeftOut { parts });
+            job.warn(ReadWarning::LeftOut { parts });
         }
         if block.read < scan.records {
-            job.warn(Warning::CountContradicts {
+            job.warn(ReadWarning::CountContradicts {
                 what: "points of a scan",
                 promised: scan.records,
                 found: block.read,

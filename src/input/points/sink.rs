@@ -7,7 +7,7 @@ use super::super::assemble::{FileCoordinates, RawMesh};
 use super::super::color::{ColorRange, ColorSink};
 use super::super::job::ReadJob;
 use super::super::polygon::PolygonRuns;
-use super::super::{Error, FileCounts, Warning};
+use super::super::{Error, FileCounts, ReadWarning};
 use super::keep_attributes;
 use crate::mesh::attributes::{AttributeColumn, AttributeValues, NumberType};
 
@@ -69,12 +69,12 @@ impl CloudSink {
             return Err(job.empty("the file has no points"));
         }
         let holes = self.holes;
-        job.warn_count(holes, |count| Warning::PointsDropped {
+        job.warn_count(holes, |count| ReadWarning::PointsDropped {
             what: "points without a measurement",
             count,
         });
         if self.scans > 1 {
-            job.warn(Warning::ScansJoined {
+            job.warn(ReadWarning::ScansJoined {
                 count: self.scans,
                 posed: self.posed,
             });

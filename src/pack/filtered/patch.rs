@@ -2,7 +2,7 @@
 
 use crate::abi::Vertex;
 use crate::math::octahedral;
-use crate::tree::{Model, Moments};
+use crate::tree::{Model, SurfaceMoments};
 use glam::{Mat3, Vec3};
 
 /// A patch as the sums have it.
@@ -59,7 +59,7 @@ impl SummedPatch {
         let node = &model.tree.nodes[id as usize];
         let attributes = &model.tree.attributes[id as usize];
         let moments = &model.tree.moments[id as usize];
-        let unit = |code: i16| f32::from(code) * (1.0 / Moments::UNIT);
+        let unit = |code: i16| f32::from(code) * (1.0 / SurfaceMoments::UNIT);
         let area = attributes.area;
         let [xx, yy, zz, xy, xz, yz] = moments.second_moment.map(|code| unit(code) * area);
         // Normals all around have no mean, and the color is that of a ball in the light; the sums know better.

@@ -4,7 +4,7 @@
 //! longer than one.
 
 use crate::abi::FilteredSplat;
-use crate::math::camera::Light;
+use crate::math::camera::HeadlightSource;
 use crate::pack::filtered::patch::SummedPatch;
 use crate::pack::filtered::{
     FilteredEye, LEAST_EXTENT_PX, MARGIN_PX, OFFSET_OF_BEND, OFFSET_OF_NEIGHBORS,
@@ -12,7 +12,7 @@ use crate::pack::filtered::{
 };
 use crate::pack::splats::pixels_of_unit;
 use crate::pack::{ALBEDO, ColorBy, falsecolor};
-use crate::tree::{Model, Moments, Node};
+use crate::tree::{Model, Node, SurfaceMoments};
 use glam::{Mat4, Vec3, Vec4};
 
 /// Four vectors of three dimensions.
@@ -108,10 +108,11 @@ impl FourPatches {
             node.center.extend(node.radius)
         }));
         // The words travel as floats, whose bits nothing changes on the way.
-        let words = ids.map(|id| bytemuck::cast::<Moments, [f32; 6]>(tree.moments[id as usize]));
+        let words =
+            ids.map(|id| bytemuck::cast::<SurfaceMoments, [f32; 6]>(tree.moments[id as usize]));
         let [m0, m1, m2, m3] = columns(words.map(|w| Vec4::new(w[0], w[1], w[2], w[3])));
         let [m4, m5, ..] = columns(words.map(|w| Vec4::new(w[4], w[5], 0.0, 0.0)));
-        let unit = Vec4::splat(1.0 / Moments::UNIT);
+        let unit = Vec4::splat(1.0 / SurfaceMoments::UNIT);
         let [[cx, cy], [cz, vx], [vy, vz], [xx, yy], [zz, xy], [xz, yz]] =
             [m0, m1, m2, m3, m4, m5].map(halves);
         let [_, colors, splat_radius, area] = columns(ids.map(|id| {
@@ -305,7 +306,7 @@ impl FilteredEye<'_> {
         let distance = dot(&w, &w).sqrt();
         let v = scaled(&w, Vec4::ONE / distance);
         let light = match view.light {
-            Light::Point if view.is_perspective => v,
+            HeadlightSource::Point if view.is_perspective => v,
             _ => splat(view.backward),
         };
         let is_bare = four.bare.cmpgt(Vec4::ZERO);

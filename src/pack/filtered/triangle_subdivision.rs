@@ -188,7 +188,7 @@ pub fn splat_count(cut: &Cut, first_large: FirstLarge) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pack::{ColorBy, Lighting};
+    use crate::pack::{ColorBy, SurfaceLighting};
 
     #[test]
     fn pieces_are_no_larger_than_the_threshold_or_a_pixel_and_a_half() {
@@ -202,7 +202,7 @@ mod tests {
                 use_colors: true,
                 color_by: ColorBy::Shading,
                 depth_range: [0.0, 1.0],
-                light: Lighting::Headlight,
+                light: SurfaceLighting::Headlight,
                 cut_view: None,
             };
             let piece = PIECE_PX.max(side_px);

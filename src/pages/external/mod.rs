@@ -33,7 +33,7 @@ use super::write::{PagedOptions, VertexGrid, color_bits, leaf_pages, page_step, 
 use crate::mesh::normals::{self, NormalWeighting};
 use crate::mesh::stream::{MeshStream, StreamError, StreamFacts, VertexPiece};
 use crate::mesh::{Mesh, creases, origin_of, recentered_zero};
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use crate::tree::{self, BuildOptions, Error, PartPlace, PartShape, PointNormals, build_part};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -512,7 +512,7 @@ impl ExternalBuild<'_> {
             self.stop()?;
             let (mesh, steps) = self.chunk_mesh(work, chunk)?;
             let place = (work.skeleton.place(), self.options.point_normals);
-            let (model, evidence) = build_part(mesh, place, &Silent)?;
+            let (model, evidence) = build_part(mesh, place, &SilentProgress)?;
             let roots: Vec<Option<u32>> = model.tree.level(level).map(Some).collect();
             let grid = VertexGrid::new(&model, &roots, steps);
             let pages: Vec<EncodedPage> = leaf_pages(&model, &roots, &grid, (colors, None));

@@ -429,7 +429,7 @@ mod tests {
             .map(|(x, y)| glam::Vec3::new(x as f32, y as f32, 0.0))
             .collect();
         let options = crate::tree::BuildOptions::default();
-        let model = crate::tree::build(mesh, &options, &crate::progress::Silent).unwrap();
+        let model = crate::tree::build(mesh, &options, &crate::progress::SilentProgress).unwrap();
         let at = model.origin + glam::DVec3::new(0.0, 0.0, 1000.0);
         let camera = crate::math::camera::Camera::look_at(
             (500, 500),

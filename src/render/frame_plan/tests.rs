@@ -11,7 +11,12 @@ use glam::DVec3;
 fn statue() -> Model {
     let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 2_000).unwrap();
     let options = crate::tree::BuildOptions::default();
-    crate::tree::build(generate::mesh(&spec), &options, &crate::progress::Silent).unwrap()
+    crate::tree::build(
+        generate::mesh(&spec),
+        &options,
+        &crate::progress::SilentProgress,
+    )
+    .unwrap()
 }
 
 fn view_of(model: &Model) -> View {

@@ -7,7 +7,7 @@ use crate::math::camera::View;
 use crate::pack;
 use crate::pack::falsecolor::depth_range;
 use crate::pack::splats::SplatRecord;
-use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, Style};
+use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, PrimitiveStyle};
 use crate::render::PictureOutputs;
 use crate::render::backdrop::BackgroundGradient;
 use crate::render::cut_key::CutKey;
@@ -35,9 +35,9 @@ use std::time::Instant;
 #[derive(Debug)]
 pub(in crate::render) struct MirrorEngine {
     pub(in crate::render) outputs: PictureOutputs,
-    /// As [`Style::subpixel_bits`].
+    /// As [`PrimitiveStyle::subpixel_bits`].
     subpixel_bits: u32,
-    /// As [`Style::albedo`].
+    /// As [`PrimitiveStyle::albedo`].
     albedo: f32,
     selector: CutSelector,
     cuts: PartCuts,
@@ -65,11 +65,11 @@ struct PackedLists<'m> {
 
 impl MirrorEngine {
     pub(in crate::render) fn new(outputs: PictureOutputs) -> Self {
-        let Style {
+        let PrimitiveStyle {
             subpixel_bits,
             albedo,
             ..
-        } = Style::default();
+        } = PrimitiveStyle::default();
         Self {
             outputs,
             subpixel_bits,
@@ -81,13 +81,13 @@ impl MirrorEngine {
         }
     }
 
-    /// Takes the binary places of window positions from a device; see [`Style::subpixel_bits`].
+    /// Takes the binary places of window positions from a device; see [`PrimitiveStyle::subpixel_bits`].
     pub(in crate::render) fn set_subpixel_bits(&mut self, bits: u32) {
         self.subpixel_bits = bits;
         self.selector = CutSelector::default().with_subpixel_bits(bits);
     }
 
-    /// Takes another [`Style::albedo`], for pictures that are to be wrong.
+    /// Takes another [`PrimitiveStyle::albedo`], for pictures that are to be wrong.
     pub(in crate::render) fn set_albedo(&mut self, albedo: f32) {
         self.albedo = albedo;
     }
@@ -103,7 +103,7 @@ impl MirrorEngine {
         let mut times = FrameTimes::default();
         times.starts.frame = Some(start);
         let facts = parts.facts();
-        let style = Style {
+        let style = PrimitiveStyle {
             depth_range: depth_range(facts.orbit_center, facts.orbit_radius, view),
             subpixel_bits: self.subpixel_bits,
             albedo: self.albedo,
@@ -151,7 +151,7 @@ impl MirrorEngine {
         parts: DrawnParts<'m>,
         view: &View,
         settings: &Settings,
-        style: &Style,
+        style: &PrimitiveStyle,
     ) -> PackedLists<'m> {
         let mut lists = PackedLists {
             polygons: self
@@ -197,7 +197,7 @@ impl MirrorEngine {
         facts: &DrawnFacts,
         view: &View,
         settings: &Settings,
-        style: &Style,
+        style: &PrimitiveStyle,
         lists: &PackedLists<'_>,
     ) {
         let (vertices, triangles) = (&*lists.vertices, &*lists.triangles);
@@ -425,10 +425,10 @@ fn joined_triangles<'m>(
     Cow::Owned(all)
 }
 
-/// How primitives look under `settings`, but for [`Style::depth_range`], [`Style::subpixel_bits`] and [`Style::albedo`].
-pub fn style(settings: &Settings, facts: impl Into<DrawnFacts>) -> Style {
+/// How primitives look under `settings`, but for [`PrimitiveStyle::depth_range`], [`PrimitiveStyle::subpixel_bits`] and [`PrimitiveStyle::albedo`].
+pub fn style(settings: &Settings, facts: impl Into<DrawnFacts>) -> PrimitiveStyle {
     let facts = facts.into();
-    Style {
+    PrimitiveStyle {
         splat_size_px: settings.threshold_px.max(1.0),
         footprint: settings.footprint(),
         is_gauss: settings.splat == SplatKind::Gauss,
@@ -442,6 +442,6 @@ pub fn style(settings: &Settings, facts: impl Into<DrawnFacts>) -> Style {
         use_colors: settings.use_colors,
         depth_offset: settings.depth_offset(),
         // Of the frame, whose camera and device are not known here.
-        ..Style::default()
+        ..PrimitiveStyle::default()
     }
 }

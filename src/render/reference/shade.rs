@@ -1,12 +1,12 @@
 //! What light makes of a surface: the headlight's value = 0.8 |n . l| times the vertex color (conventions: "default
-//! shading"), or one lamp ([`crate::pack::Lighting`] has the equation).
+//! shading"), or one lamp ([`crate::pack::SurfaceLighting`] has the equation).
 
 use crate::abi::Splat;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
-use crate::math::camera::{Light, View};
+use crate::math::camera::{HeadlightSource, View};
 use crate::math::octahedral;
 use crate::pack::lit_sphere::SphereLights;
-use crate::pack::{ColorBy, LampSource, Lighting, Phong, Style, falsecolor};
+use crate::pack::{ColorBy, LampSource, Phong, PrimitiveStyle, SurfaceLighting, falsecolor};
 use crate::render::reference::bands::ShownPixel;
 use glam::{DMat3, DQuat, DVec3, DVec4, Vec3};
 
@@ -73,12 +73,12 @@ pub(super) struct SurfaceShading {
     /// Distance along the view direction of a position.
     distance: DVec4,
     depth_range: [f32; 2],
-    /// [`Style::albedo`].
+    /// [`PrimitiveStyle::albedo`].
     albedo: f32,
 }
 
 impl SurfaceShading {
-    pub(super) fn new(view: &View, style: &Style) -> Self {
+    pub(super) fn new(view: &View, style: &PrimitiveStyle) -> Self {
         let backward = LampSource::Direction(view.backward.as_dvec3());
         let eye = if view.is_perspective {
             LampSource::Point(view.eye.as_dvec3())
@@ -87,19 +87,19 @@ impl SurfaceShading {
         };
         Self {
             light: match (style.light, view.light) {
-                (Lighting::Phong(phong), _) => phong.lamp.in_model(view),
-                (_, Light::Point) => eye,
-                (_, Light::Directional) => backward,
+                (SurfaceLighting::Phong(phong), _) => phong.lamp.in_model(view),
+                (_, HeadlightSource::Point) => eye,
+                (_, HeadlightSource::Directional) => backward,
             },
             sphere: match style.light {
-                Lighting::Sphere(sphere) => Some(sphere.lights()),
-                Lighting::Headlight | Lighting::Phong(_) => None,
+                SurfaceLighting::Sphere(sphere) => Some(sphere.lights()),
+                SurfaceLighting::Headlight | SurfaceLighting::Phong(_) => None,
             },
             turn: DMat3::from_mat4(view.view_from_model.as_dmat4())
                 * f64::from(view.model_scale).recip(),
             phong: match style.light {
-                Lighting::Headlight | Lighting::Sphere(_) => None,
-                Lighting::Phong(phong) => Some(phong),
+                SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => None,
+                SurfaceLighting::Phong(phong) => Some(phong),
             },
             eye,
             culls_back: style.cull_back_faces,

@@ -237,7 +237,7 @@ mod tests {
     use crate::pack::splats;
     use crate::pack::splats::SplatPlan;
     use crate::pack::{Footprint, ids};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::render::Settings;
     use crate::render::cut_key::cut_settings;
     use crate::tree::{self, BuildOptions, Model};
@@ -250,7 +250,7 @@ mod tests {
             // Patches without area, alone below a node and beside others.
             mesh.triangles.extend([[first[0]; 3]; 40]);
         }
-        tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+        tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
     }
 
     fn orbit(model: &Model, fill: f64, step: u32) -> View {

@@ -27,7 +27,7 @@ fn bytes_with(patch: Option<PackedPatch>) -> Vec<u8> {
         triangles: (0..12).map(|i| [i, i + 1, i + 2]).collect(),
         ..Mesh::default()
     };
-    let mut model = build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let mut model = build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     model.patches = patch.map(|record| {
         Arc::new(PatchRecords {
             records: vec![record; model.tree.nodes.len()],
@@ -42,7 +42,12 @@ fn bytes_with(patch: Option<PackedPatch>) -> Vec<u8> {
 
 fn reads(mut bytes: &[u8]) -> Result<Model, Error> {
     let length = bytes.len() as u64;
-    read_from(&mut bytes, length, Path::new("model.surfel"), &Silent)
+    read_from(
+        &mut bytes,
+        length,
+        Path::new("model.surfel"),
+        &SilentProgress,
+    )
 }
 
 #[test]

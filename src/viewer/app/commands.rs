@@ -4,7 +4,7 @@ use super::draw::camera_of;
 use super::{CameraFlight, FLY_SPEED, FileAsk, ViewerApp};
 use crate::math::camera::Camera;
 use crate::oriented::splats::SplatRules;
-use crate::pack::Lighting;
+use crate::pack::SurfaceLighting;
 use crate::render::PictureOutputs;
 use crate::render::supported;
 use crate::render::{Culling, Method, Settings, Shading};
@@ -297,7 +297,7 @@ impl ViewerApp {
         if settings.threshold_px != self.settings.threshold_px {
             self.held_px = settings.threshold_px;
         }
-        if let Lighting::Phong(lamp) = settings.light {
+        if let SurfaceLighting::Phong(lamp) = settings.light {
             self.lamp = lamp;
         }
         let looks_other = Settings {

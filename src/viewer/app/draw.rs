@@ -2,7 +2,7 @@
 
 use super::{MOST_LOSSES, ViewerApp};
 use crate::gpu::{self, Gpu};
-use crate::math::camera::{Camera, Light};
+use crate::math::camera::{Camera, HeadlightSource};
 use crate::render::stats::KeptWork;
 use crate::render::{Method, Occlusion, Path, Settings, Shading, SplatKind};
 use crate::viewer::ViewerError;
@@ -366,7 +366,7 @@ impl ViewerApp {
 pub(super) fn camera_of(
     orbit: &OrbitCamera,
     fixed: Option<&Camera>,
-    light: Light,
+    light: HeadlightSource,
     size: (u32, u32),
 ) -> Camera {
     let mut camera = match fixed {

@@ -27,10 +27,10 @@ use super::ui::PanelInterface;
 use super::{RunFigures, ViewerError, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
 use crate::image::MarkChoice;
-use crate::math::camera::{Camera, Light};
+use crate::math::camera::{Camera, HeadlightSource};
 use crate::math::up_axis::UpAxis;
 use crate::mesh::attributes::PointAttributes;
-use crate::pack::{Lighting, Phong};
+use crate::pack::{Phong, SurfaceLighting};
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::{Model, OrbitSphere};
 use commands::TurntableRun;
@@ -85,7 +85,7 @@ pub(super) struct ViewerApp {
     /// A camera as it was given, until it is moved.
     fixed: Option<Camera>,
     /// The headlight of the camera.
-    light: Light,
+    light: HeadlightSource,
     /// The lamp as it was left, on or off.
     lamp: Phong,
     pub(super) settings: Settings,
@@ -194,12 +194,12 @@ impl ViewerApp {
             fixed: options.camera.clone(),
             light: match &options.camera {
                 Some(camera) => camera.light,
-                None if options.window.parallel_light => Light::Directional,
-                None => Light::Point,
+                None if options.window.parallel_light => HeadlightSource::Directional,
+                None => HeadlightSource::Point,
             },
             lamp: match options.settings.light {
-                Lighting::Phong(phong) => phong,
-                Lighting::Headlight | Lighting::Sphere(_) => Phong::default(),
+                SurfaceLighting::Phong(phong) => phong,
+                SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => Phong::default(),
             },
             splat_of_model: options.settings.splat,
             settings: options.settings,
@@ -288,7 +288,7 @@ impl ViewerApp {
 
     /// Tells whether the headlight is parallel.
     pub(super) fn has_parallel_light(&self) -> bool {
-        self.light == Light::Directional
+        self.light == HeadlightSource::Directional
     }
 
     /// Tells whether something is to be drawn.

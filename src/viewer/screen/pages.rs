@@ -3,7 +3,7 @@
 use super::WindowScreen;
 use crate::gpu::Error;
 use crate::math::camera::View;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::render::Settings;
 use crate::render::paged_model::PagedModel;
 use crate::render::window_renderer::ShownModel;
@@ -47,7 +47,7 @@ impl WindowScreen {
     /// As [`PagedModel::load`].
     pub(super) fn load_pages(&mut self, view: &View, settings: &Settings) -> Result<(), Error> {
         for own in self.pages.iter_mut().flatten() {
-            let mut messages = own.load(view, settings, &Silent)?;
+            let mut messages = own.load(view, settings, &SilentProgress)?;
             self.page_messages.append(&mut messages);
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! Colors by height and by what points carry.
 
-use surfel::input::{self, ColorSetting, LoadedMesh, Options, PointColoring};
-use surfel::progress::Silent;
+use surfel::input::{self, ColorSetting, LoadedMesh, PointColoring, ReadOptions};
+use surfel::progress::SilentProgress;
 
 use super::remarks;
 
@@ -10,11 +10,11 @@ const TABLE: &str = "x,y,z,intensity,class,red,green,blue\n\
 
 fn colored(by: &str, range: Option<[f64; 2]>) -> Result<LoadedMesh, input::Error> {
     let by: PointColoring = by.parse().unwrap();
-    let options = Options {
+    let options = ReadOptions {
         color: Some(ColorSetting { by, range }),
-        ..Options::default()
+        ..ReadOptions::default()
     };
-    input::load_bytes("a.csv", TABLE.as_bytes(), &options, &Silent)
+    input::load_bytes("a.csv", TABLE.as_bytes(), &options, &SilentProgress)
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 use las::point::{Classification, Format as PointFormat};
 use las::{Builder, Color, Point, Transform, Vector, Writer};
-use surfel::input::{Format, LoadedMesh, Warning};
+use surfel::input::{Format, LoadedMesh, ReadWarning};
 
 use super::super::{read, try_read};
 use super::{column, damage, histogram, next, remarks, scan};
@@ -158,7 +158,7 @@ fn what_is_cut_short_is_read_as_far_as_it_goes() {
         let loaded = read("a.laz", &bytes[..bytes.len() / 2]);
         let found = loaded.mesh.positions.len();
         let promised = loaded.warnings.iter().find_map(|warning| match warning {
-            Warning::CountContradicts {
+            ReadWarning::CountContradicts {
                 promised, found, ..
             } => Some((*promised, *found as usize)),
             _ => None,

@@ -9,9 +9,9 @@ mod text;
 
 use std::path::{Path, PathBuf};
 
-use surfel::input::{self, LoadedMesh, Options};
+use surfel::input::{self, LoadedMesh, ReadOptions};
 use surfel::mesh::attributes::AttributeColumn;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 
 use super::common_models::real_file;
 use super::{check, try_read};
@@ -93,7 +93,7 @@ fn scan(name: &str) -> Option<(PathBuf, LoadedMesh)> {
 
 /// A file of the disk.
 fn scan_at(path: &Path) -> LoadedMesh {
-    let loaded = input::load(path, &Options::default(), &Silent);
+    let loaded = input::load(path, &ReadOptions::default(), &SilentProgress);
     let loaded = loaded.unwrap_or_else(|error| panic!("{error}"));
     check(&loaded, usize::MAX);
     loaded

@@ -24,7 +24,7 @@ use super::super::assemble::{FileCoordinates, RawMesh, StepGrid};
 use super::super::job::ReadJob;
 use super::super::part::PartFate;
 use super::super::polygon::PolygonRuns;
-use super::super::{Error, FileCounts, FilePlace, Format, Warning};
+use super::super::{Error, FileCounts, FilePlace, Format, ReadWarning};
 use super::keep_attributes;
 use crate::mesh::attributes::AttributeColumn;
 
@@ -81,7 +81,7 @@ pub(in super::super) fn read(
             let place = FilePlace::Byte(header.points_at as u64);
             return Err(job.truncated(place, format!("{} points", header.points)));
         }
-        job.warn(Warning::CountContradicts {
+        job.warn(ReadWarning::CountContradicts {
             what: "points",
             promised: header.points,
             found,
@@ -159,7 +159,7 @@ fn bytes_of_colors(job: &mut ReadJob<'_>, colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
     }
     let bits = if largest > 255 { 16 } else { 8 };
     if bits == 8 {
-        job.warn(Warning::ColorRange { largest: 255 });
+        job.warn(ReadWarning::ColorRange { largest: 255 });
     }
     let note = format!("{bits} bits, largest value {largest}");
     job.inventory

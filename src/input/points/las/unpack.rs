@@ -18,7 +18,7 @@ use super::fields::{PointLayout, RecordBlock};
 use super::header::{LasHeader, PointPacking};
 use super::{PIECE, PointSink};
 use crate::mesh::stream::StreamError;
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 
 /// Points unpacked between two looks at the progress, at least.
 const BATCH_POINTS: u64 = 1 << 20;
@@ -246,7 +246,7 @@ impl PackedChunks {
                 items: &self.items,
                 compressor: compressor_of(&self.record),
                 layout,
-                progress: &Silent,
+                progress: &SilentProgress,
             };
             let moved = |chunk: &LazChunk| LazChunk {
                 start: chunk.start - first.start,

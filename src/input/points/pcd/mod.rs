@@ -16,7 +16,7 @@ use super::super::color::ColorRange;
 use super::super::job::{ReadJob, at_line};
 use super::super::part::PartFate;
 use super::super::text::{TextScanner, parse_f64, words};
-use super::super::{Error, FilePlace, Format, Warning};
+use super::super::{Error, FilePlace, Format, ReadWarning};
 use super::roles::{ColumnRole, kind_of, role_of_name};
 use super::sink::{CloudSink, TableBlock};
 use super::{bytes_at, check_unpacked};
@@ -109,7 +109,7 @@ pub(in super::super) fn read(
         }
     }
     if found != header.points {
-        job.warn(Warning::CountContradicts {
+        job.warn(ReadWarning::CountContradicts {
             what: "points",
             promised: header.points,
             found,

@@ -16,7 +16,7 @@ use super::super::job::ReadJob;
 use super::super::job::at_line;
 use super::super::part::{PartFate, PartFault};
 use super::super::text::TextScanner;
-use super::super::{Error, Format, Warning};
+use super::super::{Error, Format, ReadWarning};
 use super::roles::{ColumnRole, kind_of};
 use super::sink::{CloudSink, TableBlock};
 use crate::mesh::attributes::{AttributeColumn, AttributeValues, NumberType};
@@ -83,7 +83,7 @@ pub(in super::super) fn read(
         dialect.name_as_ptx();
     }
     let plan = plan(job, dialect, is_ptx)?;
-    job.warn(Warning::ColumnsDecided {
+    job.warn(ReadWarning::ColumnsDecided {
         columns: plan.dialect.words(),
     });
     let column = |&at: &usize| {
@@ -323,7 +323,7 @@ fn read_ptx(
         read_lines(job, data, head.points_at..end, plan, pose, sink, state)?;
         let found = sink.positions.len() as u64 + state.holes + state.bad_lines - before;
         if found < head.points {
-            job.warn(Warning::CountContradicts {
+            job.warn(ReadWarning::CountContradicts {
                 what: "points of a scan",
                 promised: head.points,
                 found,
@@ -332,6 +332,6 @@ fn read_ptx(
         at = end;
     }
     let rest = data[at..].trim_ascii().len() as u64;
-    job.warn_count(rest, |bytes| Warning::TrailingBytes { bytes });
+    job.warn_count(rest, |bytes| ReadWarning::TrailingBytes { bytes });
     Ok(())
 }

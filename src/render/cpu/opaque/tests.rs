@@ -9,7 +9,7 @@ use crate::math::camera::Camera;
 use crate::math::octahedral;
 use crate::pack::Footprint;
 use crate::pack::for_tests::levels;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{self, BuildOptions};
 use bytemuck::Zeroable;
 use glam::{DVec3, Mat4, Vec3};
@@ -310,7 +310,7 @@ fn a_cut_is_drawn_as_its_list() {
         }
         let colors = (0u8..=255).cycle().map(|i| [i, 255 - i, i / 3, 255]);
         mesh.colors = colors.take(mesh.positions.len()).collect();
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
         let undrawn = ZeroAreaSet::new(&model);
         let eye = DVec3::new(0.0, -0.1, 3.0);
         let size = (SIZE[0], SIZE[1]);

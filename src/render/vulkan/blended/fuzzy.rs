@@ -8,7 +8,7 @@
 use crate::abi::specialization::{
     HAS_COVERAGE, HAS_LAMP, IS_DEFERRED, IS_GAUSS, IS_ORIENTED, IS_QUAD, IS_SQUARE, IS_WIDENED,
 };
-use crate::abi::{ConstantValue, FuzzySplat, Shader, WeightedSplat, shaders};
+use crate::abi::{CompiledShader, ConstantValue, FuzzySplat, WeightedSplat, shaders};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::{DeviceImage as Target, ImageFormat};
 use crate::gpu::pipeline::{
@@ -263,7 +263,7 @@ impl FuzzyPasses {
         // A square needs no outline.
         let outline =
             (variant.footprint != Footprint::Square).then_some(&shaders::FUZZY_DEPTH_FRAG);
-        let (depth_vertex, blend_vertex, record): (&Shader, &Shader, VertexRecord) =
+        let (depth_vertex, blend_vertex, record): (&CompiledShader, &CompiledShader, VertexRecord) =
             if variant.from_vertices {
                 (
                     &shaders::FUZZY_DEPTH_POINTS_VERT,

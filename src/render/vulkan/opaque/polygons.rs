@@ -1,7 +1,7 @@
 //! Oriented polygons: splats cut at sharp edges as fans of their corners, patches of a cut by error as rectangles whose pixels
 //! ask for the footprint. The nearest wins.
 
-use crate::abi::{OrientedPolygon, Shader, ShaderVariants, shaders};
+use crate::abi::{CompiledShader, OrientedPolygon, ShaderVariants, shaders};
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::{DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline};
@@ -39,19 +39,19 @@ impl PolygonPasses {
         variant @ (kind, flags): PolygonVariant,
         targets: &FrameTargets,
     ) -> Result<Self, Error> {
-        let (vertex, fragment, topology): (&Shader, ShaderVariants, PrimitiveTopology) = match kind
-        {
-            PolygonKind::Splats => (
-                &shaders::POLYGONS_SPLATS_VERT,
-                shaders::POLYGONS_SPLATS_FRAG,
-                PrimitiveTopology::Fans,
-            ),
-            PolygonKind::Patches => (
-                &shaders::POLYGONS_PATCHES_VERT,
-                shaders::POLYGONS_PATCHES_FRAG,
-                PrimitiveTopology::Quads,
-            ),
-        };
+        let (vertex, fragment, topology): (&CompiledShader, ShaderVariants, PrimitiveTopology) =
+            match kind {
+                PolygonKind::Splats => (
+                    &shaders::POLYGONS_SPLATS_VERT,
+                    shaders::POLYGONS_SPLATS_FRAG,
+                    PrimitiveTopology::Fans,
+                ),
+                PolygonKind::Patches => (
+                    &shaders::POLYGONS_PATCHES_VERT,
+                    shaders::POLYGONS_PATCHES_FRAG,
+                    PrimitiveTopology::Quads,
+                ),
+            };
         let description = PipelineDescription {
             name: kind.pass(),
             vertex,
