@@ -126,7 +126,7 @@ fn still(
 }
 
 /// A camera that goes around the model: its cut from the root, and from the front of the last frame
-/// ([`Traversal::Coherent`](crate::render::CutTraversal::Coherent)), without what the search for hidden splats takes.
+/// ([`CutTraversal::Coherent`](crate::render::CutTraversal::Coherent)), without what the search for hidden splats takes.
 fn moving(
     case: &BenchCase<'_>,
     plan: &BenchPlan,

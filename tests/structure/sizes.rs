@@ -59,7 +59,7 @@ fn blocks<'a>(lines: &'a [&'a str], keyword: &str) -> Vec<CodeBlock<'a>> {
         let indent = &line[..line.len() - line.trim_start().len()];
         let is_close = |line: &&str| line.strip_prefix(indent) == Some("}");
         let rest = &lines[first + open + 1..];
-        let inside = &rest[..rest.iter().position(|line| is_close(line)).unwrap_or(0)];
+        let inside = &rest[..rest.iter().position(is_close).unwrap_or(0)];
         found.push(CodeBlock {
             name,
             inside,

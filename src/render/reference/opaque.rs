@@ -22,7 +22,7 @@ use crate::render::reference::triangle;
 /// radius is NaN, and triangles with an index past the vertices. Splats and points are dropped when their
 /// center is nearer than the near or farther than the far plane, but not when it lies beside the picture.
 ///
-/// The light of [`Light::Point`](crate::math::camera::HeadlightSource::Point) needs an eye; an orthographic view is lit
+/// The light of [`HeadlightSource::Point`](crate::math::camera::HeadlightSource::Point) needs an eye; an orthographic view is lit
 /// along the view direction instead.
 ///
 /// Cost: linear in primitives plus covered pixels, on all threads of the rayon pool; the picture does not
