@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfel::cut::SizeMetric;
 use surfel::pack::lit_sphere::LitSphere;
-use surfel::pack::{ColorBy, Lamp, SurfaceLighting, Phong};
+use surfel::pack::{ColorBy, Lamp, Phong, SurfaceLighting};
 use surfel::render::{
     AmbientOcclusion, Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings,
     Shading, SplatKind,
