@@ -16,7 +16,7 @@ use surfel::input;
 use surfel::math::camera::View;
 use surfel::measure::ValueDistribution;
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::vulkan::renderer::VulkanRenderer;
@@ -57,7 +57,7 @@ fn mesh(shape: GeneratedShape, triangles: u64) -> Mesh {
 }
 
 fn build(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).expect("the tree builds")
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).expect("the tree builds")
 }
 
 /// The most memory that was resident in this process so far, bytes. Linux only.
@@ -111,10 +111,14 @@ fn reading(scale: u64) {
         ShapeSpec::with_triangles(GeneratedShape::Torus, 4_000_000 / scale).expect("a valid size");
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("torus.ply");
-    generate::write_ply_file(&spec, &path, &Silent).expect("the torus is written");
+    generate::write_ply_file(&spec, &path, &SilentProgress).expect("the torus is written");
     let load = || {
-        let loaded = input::load(Path::new(&path), &input::Options::default(), &Silent)
-            .expect("the torus loads");
+        let loaded = input::load(
+            Path::new(&path),
+            &input::ReadOptions::default(),
+            &SilentProgress,
+        )
+        .expect("the torus loads");
         assert_eq!(loaded.mesh.triangles.len() as u64, spec.counts().1);
     };
     load();

@@ -17,7 +17,7 @@ use surfel::image::compare;
 use surfel::input;
 use surfel::math::camera::View;
 use surfel::measure::ValueDistribution;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameTimes;
@@ -28,15 +28,20 @@ const SIZE: (u32, u32) = (400, 400);
 
 fn generated(shape: GeneratedShape, triangles: u64) -> Model {
     let spec = ShapeSpec::with_triangles(shape, triangles).expect("a valid size");
-    tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).expect("the tree builds")
+    tree::build(
+        generate::mesh(&spec),
+        &BuildOptions::default(),
+        &SilentProgress,
+    )
+    .expect("the tree builds")
 }
 
 fn real(name: &str) -> Option<Model> {
     let path = PathBuf::from(std::env::var_os("SURFEL_MODELS")?).join(name);
-    let mesh = input::load(&path, &input::Options::default(), &Silent)
+    let mesh = input::load(&path, &input::ReadOptions::default(), &SilentProgress)
         .ok()?
         .mesh;
-    tree::build(mesh, &BuildOptions::default(), &Silent).ok()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).ok()
 }
 
 /// Smooth models, each with more triangles than pixels.

@@ -18,7 +18,7 @@ use surfel::input;
 use surfel::math::camera::View;
 use surfel::measure::ValueDistribution;
 use surfel::pack::{ColorBy, splats};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::cut_key::cut_settings;
 use surfel::render::engine::{Backend, Engine};
@@ -34,16 +34,21 @@ const RECONSTRUCTIONS: [(Reconstruction, &str); 3] = [
 
 fn statue(triangles: u64) -> Model {
     let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, triangles).expect("a valid size");
-    tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).expect("the tree builds")
+    tree::build(
+        generate::mesh(&spec),
+        &BuildOptions::default(),
+        &SilentProgress,
+    )
+    .expect("the tree builds")
 }
 
 fn real(name: &str) -> Option<Model> {
     let path = PathBuf::from(std::env::var_os("SURFEL_MODELS")?).join(name);
-    let loaded = input::load(&path, &input::Options::default(), &Silent);
+    let loaded = input::load(&path, &input::ReadOptions::default(), &SilentProgress);
     match loaded {
-        Ok(loaded) => {
-            Some(tree::build(loaded.mesh, &BuildOptions::default(), &Silent).expect("it builds"))
-        }
+        Ok(loaded) => Some(
+            tree::build(loaded.mesh, &BuildOptions::default(), &SilentProgress).expect("it builds"),
+        ),
         Err(error) => {
             println!("{error}");
             None

@@ -9,7 +9,7 @@ use rspirv::spirv::{Decoration, ExecutionMode, Op, StorageClass};
 
 use crate::reflect::{Block, blocks, decoration, definition, name_of, specialized};
 
-/// A `Shader`, or `ShaderVariants` where there are two.
+/// A `CompiledShader`, or `ShaderVariants` where there are two.
 pub(crate) fn write_shader(out: &mut String, relative: &str, modules: &[(&[u32], Module)]) {
     let (stem, ending) = relative
         .rsplit_once('.')
@@ -28,7 +28,7 @@ pub(crate) fn write_shader(out: &mut String, relative: &str, modules: &[(&[u32],
                 literal(&format!("{name} with normals"), variant)
             ),
         ),
-        [plain, ..] => ("Shader", literal(&name, plain)),
+        [plain, ..] => ("CompiledShader", literal(&name, plain)),
         [] => panic!("shaders/{relative} has no module"),
     };
     let _ = writeln!(
@@ -37,7 +37,7 @@ pub(crate) fn write_shader(out: &mut String, relative: &str, modules: &[(&[u32],
     );
 }
 
-/// The Rust text of a `Shader`: what its module declares, and its words.
+/// The Rust text of a `CompiledShader`: what its module declares, and its words.
 fn shader_literal(
     (relative, name): (&str, &str),
     ending: &str,
@@ -142,7 +142,7 @@ fn shader_literal(
         .collect();
     let words: Vec<String> = words.iter().map(|w| format!("{w:#x}")).collect();
     format!(
-        "Shader {{\n    name: {name:?},\n    stage: Stage::{stage},\n    push_constant_bytes: {push},\n    \
+        "CompiledShader {{\n    name: {name:?},\n    stage: ShaderStage::{stage},\n    push_constant_bytes: {push},\n    \
          local_size: {local:?},\n    bindings: &[{}],\n    inputs: &[{}],\n    outputs: {outputs},\n    \
          constants: &[{}],\n    \
          words: &[{}],\n}}",

@@ -12,7 +12,7 @@ use surfel::generate::{self, GeneratedShape, ShapeSpec};
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Method, Settings};
@@ -120,7 +120,7 @@ fn add_range_map(mesh: &mut Mesh, view: &View, seen: &Image, tint: [u8; 3], rand
 
 fn scan() -> Result<Mesh, Box<dyn std::error::Error>> {
     let statue = generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 100_000)?);
-    let model = tree::build(statue, &tree::BuildOptions::default(), &Silent)?;
+    let model = tree::build(statue, &tree::BuildOptions::default(), &SilentProgress)?;
     let outputs = PictureOutputs {
         depth: true,
         ..PictureOutputs::default()
@@ -184,7 +184,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mesh = scan()?;
     let file = std::fs::File::create(folder.join("scan.ply.gz"))?;
     let mut packed = flate2::write::GzEncoder::new(file, flate2::Compression::best());
-    generate::ply::write_to(&mesh, &mut packed, &Silent)?;
+    generate::ply::write_to(&mesh, &mut packed, &SilentProgress)?;
     packed.finish()?;
     std::fs::write(folder.join("ring.obj"), ring()?)?;
     println!(

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Measures a machine, with a graphics card or without, in one command: `surfel bench` on every case that can be
 # generated, its rows as CSV, what was printed, and what the device is. Then every way to draw, each picture beside that of the
-# mirror, which draws the same on the processor without Vulkan.
+# reference, which draws the same on the processor without Vulkan.
 #
 #   scripts/gpu-bench.sh [FOLDER] [OPTION...]
 #
@@ -14,7 +14,7 @@
 #   SURFEL_MODELS  a folder with thesis/dragon_vrip.ply.gz, for the case of the dragon; without it that case is left out
 #   SURFEL_PICTURE the model of the pictures (default: generate:statue:400000); empty for none
 #   SURFEL_PICTURE_SIZE their size in pixels (default: 400x400)
-#   SURFEL_BESIDE  what they are compared with: mirror, or another device as --device has it (default: mirror)
+#   SURFEL_BESIDE  what they are compared with: reference, or another device as --device has it (default: reference)
 #
 # Exit status: 0 measured (figures may miss their targets), 1 the run failed or a picture is another one, 2 bad usage or no program.
 set -eu
@@ -85,7 +85,7 @@ for word; do
 done
 model=${SURFEL_PICTURE-generate:statue:400000}
 [ -n "$model" ] || exit 0
-beside=${SURFEL_BESIDE:-mirror}
+beside=${SURFEL_BESIDE:-reference}
 size=${SURFEL_PICTURE_SIZE:-400x400}
 pictures=$folder/pictures
 mkdir -p "$pictures" || exit 2

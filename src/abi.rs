@@ -56,9 +56,9 @@ pub struct SplatId {
 impl SplatId {
     /// The splat is a leaf.
     pub const LEAF: u32 = 1 << 31;
-    /// It has its sphere's radius where others have the constant size.
+    /// The splat has its sphere's radius where others have the constant size.
     pub const OF_OWN_SIZE: u32 = 1 << 30;
-    /// It lies in the plane of its triangle.
+    /// The splat lies in the plane of its triangle.
     pub const IN_PLANE: u32 = 1 << 29;
 
     /// A node as one splat.
@@ -257,7 +257,9 @@ pub struct ListConstants {
 /// Shaders as compiled by `build.rs`, with what they declare.
 mod generated {
     #![allow(clippy::unreadable_literal, reason = "written by build.rs")]
-    use super::{BindingKind, BoolConstant, Shader, ShaderVariants, Stage, UintConstant};
+    use super::{
+        BindingKind, BoolConstant, CompiledShader, ShaderStage, ShaderVariants, UintConstant,
+    };
     include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 }
 
@@ -270,7 +272,7 @@ pub mod shaders {
 
 /// Stage of a shader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum ShaderStage {
     /// Vertex shader.
     Vertex,
     /// Fragment shader.
@@ -294,11 +296,11 @@ pub enum BindingKind {
 
 /// A compiled shader and what it declares.
 #[derive(Debug, Clone, Copy)]
-pub struct Shader {
+pub struct CompiledShader {
     /// Folder, file and stage with dots: `triangles.draw.vert`.
     pub name: &'static str,
     /// Stage.
-    pub stage: Stage,
+    pub stage: ShaderStage,
     /// SPIR-V.
     pub words: &'static [u32],
     /// Bindings of descriptor set 0, ascending.
@@ -356,14 +358,14 @@ pub struct ConstantValue {
 #[derive(Debug, Clone, Copy)]
 pub struct ShaderVariants {
     /// For passes without a target for normals.
-    pub plain: &'static Shader,
+    pub plain: &'static CompiledShader,
     /// For passes with one.
-    pub with_normals: &'static Shader,
+    pub with_normals: &'static CompiledShader,
 }
 
 impl ShaderVariants {
     /// The variant of passes with (`normals`) or without a target for normals.
-    pub const fn of(self, normals: bool) -> &'static Shader {
+    pub const fn of(self, normals: bool) -> &'static CompiledShader {
         if normals {
             self.with_normals
         } else {

@@ -12,7 +12,7 @@ pub enum Error {
     Tree(#[from] crate::tree::Error),
     /// A camera file or camera parameter is unusable.
     #[error(transparent)]
-    Camera(#[from] crate::math::camera::Error),
+    Camera(#[from] crate::math::camera::CameraError),
     /// A picture could not be written or read.
     #[error(transparent)]
     Image(#[from] crate::image::Error),
@@ -21,41 +21,41 @@ pub enum Error {
     Gpu(#[from] crate::gpu::Error),
     /// A model could not be generated, or a mesh not be written.
     #[error(transparent)]
-    Generate(#[from] crate::generate::Error),
+    Generate(#[from] crate::generate::GenerateError),
     /// There is no built-in scene of that name.
     #[error(transparent)]
     Scene(#[from] crate::scenes::SceneError),
     /// A profile could not be made.
     #[error(transparent)]
-    Profile(#[from] crate::measure::profile::Error),
+    Profile(#[from] crate::measure::profile::ProfileError),
     /// Failures could not be measured.
     #[error(transparent)]
-    Failures(#[from] crate::failures::Error),
+    Failures(#[from] crate::failures::FailuresError),
     /// Photographs cannot be used.
     #[error(transparent)]
     Photos(#[from] crate::photos::error::PhotoError),
     /// A chart could not be made.
     #[error(transparent)]
-    Chart(#[from] crate::chart::Error),
+    Chart(#[from] crate::chart::ChartError),
     /// Something could not be measured.
     #[error(transparent)]
-    Bench(#[from] crate::bench::Error),
+    Bench(#[from] crate::bench::BenchError),
 }
 
 impl Error {
-    /// Whether the work stopped because its [`Progress`](crate::progress::Progress) was cancelled: nothing is wrong.
+    /// Tells whether the work stopped because its [`Progress`](crate::progress::Progress) was cancelled: nothing is wrong.
     pub fn is_cancelled(&self) -> bool {
-        use crate::measure::profile::Error as ProfileError;
+        use crate::measure::profile::ProfileError;
         matches!(
             self,
             Self::Input(crate::input::Error::Cancelled)
                 | Self::Tree(crate::tree::Error::Cancelled)
-                | Self::Generate(crate::generate::Error::Cancelled)
+                | Self::Generate(crate::generate::GenerateError::Cancelled)
                 | Self::Profile(ProfileError::Cancelled(_))
-                | Self::Failures(crate::failures::Error::Cancelled)
+                | Self::Failures(crate::failures::FailuresError::Cancelled)
                 | Self::Photos(crate::photos::error::PhotoError::Cancelled)
-                | Self::Chart(crate::chart::Error::Cancelled)
-                | Self::Bench(crate::bench::Error::Cancelled)
+                | Self::Chart(crate::chart::ChartError::Cancelled)
+                | Self::Bench(crate::bench::BenchError::Cancelled)
         )
     }
 }

@@ -15,11 +15,11 @@
 //! # From a file to a picture, without a window
 //!
 //! ```no_run
-//! use surfel::progress::Silent;
+//! use surfel::progress::SilentProgress;
 //! use surfel::render::engine::{Backend, Engine};
 //!
 //! fn main() -> Result<(), surfel::Error> {
-//!     let model = surfel::open("horse.ply", &Default::default(), &Silent)?.model;
+//!     let model = surfel::open("horse.ply", &Default::default(), &SilentProgress)?.model;
 //!     let camera = model.orbit_camera((800, 600), 0.5, 0.35, 1.0);
 //!     let backend = Backend::open(&Default::default())?;
 //!     let mut engine = Engine::new(&backend, &model, (800, 600), Default::default())?;
@@ -30,7 +30,7 @@
 //!
 //! [`open()`] builds the tree where the file has none, and says what the file was and what was left out. The camera looks
 //! from azimuth 0.5 and elevation 0.35 radians; with fill 1 the bounding sphere fills the picture. The device is the best
-//! one here; with `device: Some("mirror".into())` in [`gpu::DeviceOptions`] the CPU draws, without Vulkan.
+//! one here; with `device: Some("reference".into())` in [`gpu::DeviceOptions`] the processor draws, without Vulkan.
 //!
 //! `examples/headless.rs` is the same with arguments. Errors are [`Error`], one variant a layer. Long work takes a
 //! [`progress::Progress`], which hears how far it is and can cancel it.

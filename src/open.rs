@@ -17,7 +17,7 @@ pub use stream::{OpenedStream, external_options, open_stream};
 
 use crate::Error;
 use crate::generate::{self, ShapeSpec};
-use crate::input::{self, Counts, FilePart, Format, InputStream, PointFilter, Warning};
+use crate::input::{self, FileCounts, FilePart, Format, InputStream, PointFilter, ReadWarning};
 use crate::math::camera::Camera;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
@@ -39,11 +39,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How to open a model. The default keeps the vertices of a file as they are.
+/// Options of opening a model. The default keeps the vertices of a file as they are.
 #[derive(Debug, Clone, Default)]
 pub struct OpenOptions {
-    /// How files are read, and what is too much.
-    pub input: input::Options,
+    /// Options of reading files, and limits.
+    pub input: input::ReadOptions,
     /// Let the first view frame everything, however far off ([`Model::framed`] is then `None`).
     pub frame_all: bool,
     /// Leave the pages of a paged tree file where they are: the model then stands in for them, and
@@ -52,14 +52,14 @@ pub struct OpenOptions {
     pub streams_pages: bool,
     /// Place and color of the model; trees, which are built already, have their own.
     pub placement: MeshPlacement,
-    /// What is kept of the model; its tree is that of the whole, cut down ([`Model::kept`]).
+    /// Points that are kept of the model; its tree is that of the whole, cut down ([`Model::kept`]).
     pub keep: PointFilter,
-    /// How the tree is built. A crease angle replaces the normals of the file; without one these are kept, and where there
+    /// Options of building the tree. A crease angle replaces the normals of the file; without one these are kept, and where there
     /// are none the angle is [`USUAL_CREASE_DEGREES`].
     pub tree: BuildOptions,
 }
 
-/// Where a model comes from.
+/// Source of a model.
 #[derive(Debug, Clone)]
 pub enum ModelSource {
     /// A file: a model or a tree.
@@ -112,7 +112,7 @@ impl ModelSource {
     }
 }
 
-/// Whether a name is an address: a scheme, `://` and more.
+/// Tells whether a name is an address: a scheme, `://` and more.
 fn is_address(name: &str) -> bool {
     name.split_once("://").is_some_and(|(scheme, _)| {
         scheme.starts_with(|c: char| c.is_ascii_alphabetic())
@@ -122,7 +122,7 @@ fn is_address(name: &str) -> bool {
     })
 }
 
-/// What a model was read as.
+/// Format that a model was read as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SourceFormat {
     /// A model file of this format.
@@ -164,7 +164,7 @@ impl fmt::Display for SourceFormat {
     }
 }
 
-/// How a scene is looked at.
+/// View that a scene is looked at in.
 #[derive(Debug, Clone)]
 pub struct SceneView {
     /// The camera, with the size of the picture.
@@ -194,7 +194,9 @@ impl UpGuess {
             reason: "",
         };
         match format {
-            SourceFormat::Generated | SourceFormat::Mesh(Format::Gltf | Format::Glb) => return y,
+            SourceFormat::Generated | SourceFormat::Mesh(Format::Gltf | Format::Glb) => {
+                return y;
+            }
             SourceFormat::Mesh(
                 Format::Las | Format::Laz | Format::Copc | Format::E57 | Format::Ptx,
             ) => return z("surveys have it so"),
@@ -231,17 +233,17 @@ pub struct OpenedModel {
     pub model: Model,
     /// The source as it was named.
     pub name: String,
-    /// What it was read as.
+    /// Format that it was read as.
     pub format: SourceFormat,
     /// Size of the file as stored, bytes; 0 without a file.
     pub file_bytes: u64,
-    /// How many things the source holds, before anything was divided, merged or left out.
-    pub counts: Counts,
-    /// What was repaired or left out.
-    pub warnings: Vec<Warning>,
-    /// What the file holds, part by part, and what became of it; empty where it is no model file.
+    /// Numbers of things that the source holds, before anything was divided, merged or left out.
+    pub counts: FileCounts,
+    /// Warnings of what was repaired or left out.
+    pub warnings: Vec<ReadWarning>,
+    /// Parts of the file, and what became of each; empty where it is no model file.
     pub parts: Vec<FilePart>,
-    /// What the points of a cloud carry beside position, normal and color, in the order of the model's vertices; empty for
+    /// Attributes of the points of a cloud beside position, normal and color, in the order of the model's vertices; empty for
     /// most models and for tree files.
     pub attributes: PointAttributes,
     /// Normals of points are estimated: the file has none.
@@ -250,7 +252,7 @@ pub struct OpenedModel {
     pub paged: Option<PagedFile>,
     /// The axis that is up, as far as format and place tell.
     pub up: UpGuess,
-    /// How it is looked at, where it is a scene.
+    /// View of the scene, where it is one.
     pub scene: Option<SceneView>,
     /// Time to read or generate it, milliseconds.
     pub load_ms: f64,
@@ -271,8 +273,8 @@ pub fn open(
     open_with_preview(source.as_ref(), options, progress, &mut |_| ())
 }
 
-/// As [`open()`]; `on_mesh` sees the mesh before its tree is built, so that a coarse picture of it can be shown meanwhile.
-/// A tree file has no such moment.
+/// Opens as [`open()`] does; `on_mesh` sees the mesh before its tree is built, so that a coarse picture of it can be shown
+/// meanwhile. A tree file has no such moment.
 ///
 /// # Errors
 /// As [`open()`].
@@ -307,8 +309,8 @@ pub fn open_with_preview(
     let estimates = options.tree.point_normals == PointNormals::Estimate;
     let mut has_estimated_normals = false;
     let (model, build_ms) = match content {
-        Content::Model(model) => (*model, 0.0),
-        Content::Mesh(mut mesh) => {
+        OpenedContent::Model(model) => (*model, 0.0),
+        OpenedContent::Mesh(mut mesh) => {
             let mut building = options.tree;
             match building.crease_degrees {
                 Some(_) if !mesh.is_cloud() => mesh.normals = Vec::new(),
@@ -321,7 +323,7 @@ pub fn open_with_preview(
             let model = keep::build(mesh, &building, &mut attributes, progress)?;
             (model, milliseconds_since(start))
         }
-        Content::Cloud(QsCloud { mesh, radii }) => {
+        OpenedContent::Cloud(QsCloud { mesh, radii }) => {
             on_mesh(&mesh);
             let start = Instant::now();
             let model = tree::build_with_radii(mesh, &radii, progress)?;
@@ -334,7 +336,7 @@ pub fn open_with_preview(
         model.framed = None;
     }
     if let Some(part) = model.framed {
-        warnings.push(Warning::FarOff {
+        warnings.push(ReadWarning::FarOff {
             vertices: part.far_vertices,
             sizes: part.farthest / (2.0 * part.radius).max(f32::MIN_POSITIVE),
         });
@@ -367,11 +369,11 @@ fn milliseconds_since(start: Instant) -> f64 {
 }
 
 /// Puts what was read where it is to stand.
-fn place(mut content: Content, placement: &MeshPlacement) -> Result<Content, String> {
+fn place(mut content: OpenedContent, placement: &MeshPlacement) -> Result<OpenedContent, String> {
     match &mut content {
         _ if placement.is_identity() => {}
-        Content::Mesh(mesh) => placement.apply(mesh)?,
-        Content::Cloud(_) | Content::Model(_) => {
+        OpenedContent::Mesh(mesh) => placement.apply(mesh)?,
+        OpenedContent::Cloud(_) | OpenedContent::Model(_) => {
             let cause = "a tree stays where it was built and has its colors; name the file that it was built from";
             return Err(cause.to_owned());
         }
@@ -379,21 +381,21 @@ fn place(mut content: Content, placement: &MeshPlacement) -> Result<Content, Str
     Ok(content)
 }
 
-/// What a source holds.
-enum Content {
+/// Content of a source.
+enum OpenedContent {
     Mesh(Mesh),
     /// Points whose radii are known.
     Cloud(QsCloud),
     Model(Box<Model>),
 }
 
-/// What a source holds, with its facts.
+/// Content of a source, with its facts.
 struct SourceContent {
-    content: Content,
+    content: OpenedContent,
     format: SourceFormat,
     file_bytes: u64,
-    counts: Counts,
-    warnings: Vec<Warning>,
+    counts: FileCounts,
+    warnings: Vec<ReadWarning>,
     parts: Vec<FilePart>,
     attributes: PointAttributes,
     paged: Option<PagedFile>,
@@ -403,11 +405,11 @@ struct SourceContent {
 impl SourceContent {
     fn generated(mesh: Mesh, scene: Option<SceneView>) -> Self {
         Self {
-            counts: Counts {
+            counts: FileCounts {
                 vertices: mesh.positions.len() as u64,
                 faces: mesh.triangles.len() as u64,
             },
-            content: Content::Mesh(mesh),
+            content: OpenedContent::Mesh(mesh),
             format: SourceFormat::Generated,
             file_bytes: 0,
             warnings: Vec::new(),
@@ -420,11 +422,11 @@ impl SourceContent {
 
     fn tree(model: Model, file_bytes: u64) -> Self {
         Self {
-            counts: Counts {
+            counts: FileCounts {
                 vertices: model.vertices.len() as u64,
                 faces: model.triangles.len() as u64,
             },
-            content: Content::Model(Box::new(model)),
+            content: OpenedContent::Model(Box::new(model)),
             format: SourceFormat::Tree,
             file_bytes,
             warnings: Vec::new(),
@@ -439,11 +441,11 @@ impl SourceContent {
 impl From<QsCloud> for SourceContent {
     fn from(cloud: QsCloud) -> Self {
         Self {
-            counts: Counts {
+            counts: FileCounts {
                 vertices: cloud.radii.len() as u64,
                 faces: 0,
             },
-            content: Content::Cloud(cloud),
+            content: OpenedContent::Cloud(cloud),
             format: SourceFormat::QSplat,
             file_bytes: 0,
             warnings: Vec::new(),
@@ -455,10 +457,10 @@ impl From<QsCloud> for SourceContent {
     }
 }
 
-impl From<input::Loaded> for SourceContent {
-    fn from(loaded: input::Loaded) -> Self {
+impl From<input::LoadedMesh> for SourceContent {
+    fn from(loaded: input::LoadedMesh) -> Self {
         Self {
-            content: Content::Mesh(loaded.mesh),
+            content: OpenedContent::Mesh(loaded.mesh),
             format: SourceFormat::Mesh(loaded.format),
             file_bytes: loaded.file_bytes,
             counts: loaded.counts,
@@ -495,7 +497,7 @@ fn read(
             progress.stage("generate", 0);
             let mesh = generate::mesh(spec);
             if progress.is_cancelled() {
-                return Err(generate::Error::Cancelled.into());
+                return Err(generate::GenerateError::Cancelled.into());
             }
             Ok(SourceContent::generated(mesh, None))
         }

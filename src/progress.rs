@@ -9,7 +9,7 @@ pub trait Progress: Sync {
     fn stage(&self, name: &str, total: u64);
     /// `amount` more units of the current stage are done.
     fn advance(&self, amount: u64);
-    /// Whether the work should stop as soon as it can; it then returns its `Cancelled` error.
+    /// Tells whether the work should stop as soon as it can; it then returns its `Cancelled` error.
     fn is_cancelled(&self) -> bool {
         false
     }
@@ -17,9 +17,9 @@ pub trait Progress: Sync {
 
 /// Reports nothing and never cancels.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Silent;
+pub struct SilentProgress;
 
-impl Progress for Silent {
+impl Progress for SilentProgress {
     fn stage(&self, _name: &str, _total: u64) {}
     fn advance(&self, _amount: u64) {}
 }

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use surfel::generate::GeneratedShape;
 use surfel::image::compare;
 use surfel::math::camera::Camera;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Method, Settings, SplatKind};
@@ -262,7 +262,7 @@ fn filtered_splats_beat_one_exact_sample_on_fine_detail() {
     let model = tree::build(
         surfel::generate::mesh(&spec),
         &BuildOptions::default(),
-        &Silent,
+        &SilentProgress,
     )
     .unwrap();
     let mut engine = Engine::new(&backend, &model, (300, 300), PictureOutputs::default()).unwrap();

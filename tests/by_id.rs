@@ -12,7 +12,7 @@ use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::ColorBy;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::KeptWork;
@@ -71,7 +71,7 @@ fn oracle(device: &Device) -> PictureOracle {
 fn cloud(shape: GeneratedShape, triangles: u64) -> Model {
     let mut mesh = generate::mesh(&ShapeSpec::with_triangles(shape, triangles).unwrap());
     mesh.triangles.clear();
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Every kind of splat whose records do not depend on the view, by the rasterizer and by compute if the device has it.
@@ -303,7 +303,7 @@ fn what_numbers_cannot_say_is_refused_by_name() {
     for (settings, word) in cases {
         match renderer.draw(&model, &mut scene, &view, &settings) {
             Err(Error::Unsupported { what, why }) => assert!(
-                what.contains("lists of numbers") && why.contains(word),
+                what.contains("lists of ids") && why.contains(word),
                 "{word}: {why}"
             ),
             other => panic!("{word}: {other:?}"),

@@ -9,7 +9,7 @@ use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::cost::model::{
     DrawCosts, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PerRasterizer, PrimitiveCosts,
@@ -222,7 +222,7 @@ fn dot(from_left: f64, from_top: f64, is_cloud: bool) -> (Model, View) {
             ..Mesh::default()
         }
     };
-    let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     // Half the field of view has the tangent 1 / 2.
     let angle = 2.0 * 0.5f64.atan();
     let camera = Camera::look_at(

@@ -10,7 +10,7 @@ use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::lit_sphere::LitSphere;
-use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::pack::{ColorBy, Phong, SurfaceLighting};
 use surfel::render::PictureOutputs;
 use surfel::render::cost::model::DrawCosts;
 use surfel::render::stats::FrameTimes;
@@ -137,10 +137,10 @@ fn the_device_cut_is_drawn_in_every_light_and_color() {
     let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer = renderer(&device);
     let view = orbit(&model, SIZE, 130.0, 25.0, 1.0);
-    let lamp = |s: &mut Settings| s.light = Lighting::Phong(Phong::default());
+    let lamp = |s: &mut Settings| s.light = SurfaceLighting::Phong(Phong::default());
     let changes: [&dyn Fn(&mut Settings); 8] = [
         &lamp,
-        &|s| s.light = Lighting::Sphere(LitSphere::Studio),
+        &|s| s.light = SurfaceLighting::Sphere(LitSphere::Studio),
         &|s| s.ambient_occlusion = AmbientOcclusion::On,
         &|s| s.eye_dome = EyeDome::On,
         &|s| s.background_bottom = Some([0.0, 0.2, 0.5]),

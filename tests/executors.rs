@@ -9,7 +9,7 @@ mod catalog;
 use catalog::{GoldenCase, PictureExecutor, cases};
 use std::path::Path;
 use surfel::pack::lit_sphere::LitSphere;
-use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::pack::{ColorBy, Phong, SurfaceLighting};
 use surfel::render::{
     AmbientOcclusion, Blend, EyeDome, Method, Reconstruction, Shading, SplatKind,
 };
@@ -397,14 +397,17 @@ fn every_setting_has_a_golden_case() {
             case.settings.color_by == color_by
         });
     }
-    let kind = |light: &Lighting| match light {
-        Lighting::Headlight => "headlight",
-        Lighting::Phong(_) => "lamp",
-        Lighting::Sphere(sphere) => sphere.name(),
+    let kind = |light: &SurfaceLighting| match light {
+        SurfaceLighting::Headlight => "headlight",
+        SurfaceLighting::Phong(_) => "lamp",
+        SurfaceLighting::Sphere(sphere) => sphere.name(),
     };
     let spheres = all!(LitSphere: Studio, Clay, Porcelain, Metal);
-    let lights = spheres.into_iter().map(Lighting::Sphere);
-    for light in lights.chain([Lighting::Headlight, Lighting::Phong(Phong::default())]) {
+    let lights = spheres.into_iter().map(SurfaceLighting::Sphere);
+    for light in lights.chain([
+        SurfaceLighting::Headlight,
+        SurfaceLighting::Phong(Phong::default()),
+    ]) {
         has(format!("{light:?}"), &|case| {
             kind(&case.settings.light) == kind(&light)
         });

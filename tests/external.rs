@@ -14,13 +14,13 @@ use surfel::pages::file::PagedFile;
 use surfel::pages::join::whole_model;
 use surfel::pages::source::{FileSource, MemorySource};
 use surfel::pages::write::{PagedOptions, to_bytes};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::tree::Model;
 use surfel::{OpenOptions, open};
 
 fn streamed(path: &Path) -> Option<Box<dyn MeshStream>> {
     let source = ModelSource::File(path.to_owned());
-    let opened = open_stream(&source, &OpenOptions::default(), &Silent).unwrap();
+    let opened = open_stream(&source, &OpenOptions::default(), &SilentProgress).unwrap();
     opened.map(|opened| opened.stream)
 }
 
@@ -32,11 +32,11 @@ fn built(stream: &dyn MeshStream) -> (Model, ExternalReport) {
         chunk_leaves: 4096,
         ..external_options(&OpenOptions::default(), 256 << 20)
     };
-    let report = external::build(stream, &options, &path, &Silent).unwrap();
+    let report = external::build(stream, &options, &path, &SilentProgress).unwrap();
     let file = PagedFile::open(std::sync::Arc::new(FileSource::open(&path).unwrap())).unwrap();
-    let checked = check(&file, &Silent);
+    let checked = check(&file, &SilentProgress);
     assert!(checked.is_clean(), "{:?}", checked.violations);
-    (whole_model(&file, &Silent).unwrap(), report)
+    (whole_model(&file, &SilentProgress).unwrap(), report)
 }
 
 /// Sorted coordinates of an axis, in the world.
@@ -62,14 +62,16 @@ fn mean_color(model: &Model) -> DVec3 {
 
 /// Compares with the model that is opened as a whole.
 fn same_as_whole(path: &Path, pieces: &Model) {
-    let whole = open(path, &OpenOptions::default(), &Silent).unwrap().model;
+    let whole = open(path, &OpenOptions::default(), &SilentProgress)
+        .unwrap()
+        .model;
     let name = path.display();
     assert_eq!(pieces.tree.leaves.len(), whole.tree.leaves.len(), "{name}");
     assert_eq!(pieces.has_colors, whole.has_colors, "{name}");
     assert_eq!(pieces.is_closed, whole.is_closed, "{name}");
     let bytes = to_bytes(&whole, &PagedOptions::default()).unwrap();
     let file = PagedFile::open(std::sync::Arc::new(MemorySource::new("t", bytes))).unwrap();
-    let paged = whole_model(&file, &Silent).unwrap();
+    let paged = whole_model(&file, &SilentProgress).unwrap();
     for axis in 0..3 {
         let expected = along(&whole, axis);
         let off = |model: &Model| {
@@ -223,7 +225,7 @@ fn a_damaged_file_is_an_error_with_its_place() {
         std::fs::write(&path, bytes).unwrap();
         let stream = streamed(&path).unwrap();
         let options = ExternalOptions::default();
-        let error = external::build(stream.as_ref(), &options, &out, &Silent);
+        let error = external::build(stream.as_ref(), &options, &out, &SilentProgress);
         error.unwrap_err().to_string()
     };
     let cut = failure(&bytes[..bytes.len() - 300]);

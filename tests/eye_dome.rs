@@ -9,7 +9,7 @@ use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::ColorBy;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{
     AmbientOcclusion, EyeDome, Method, Path, PictureOutputs, Settings, SplatKind,
@@ -29,7 +29,7 @@ fn cloud(has_normals: bool) -> Model {
     if !has_normals {
         mesh.normals.clear();
     }
-    surfel::tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    surfel::tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// The rule of docs/METHODS.md, in double precision: a picture and its distances, darkened.

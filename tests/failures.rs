@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::sync::OnceLock;
 use surfel::cut::{self, Cut};
 use surfel::failures::{FailureCase, FailureCell, FailureLook, FailureVerdict, looks, rows};
-use surfel::image::{Picture, compare};
+use surfel::image::{PixelSource, compare};
 use surfel::render::PictureOutputs;
 use surfel::render::Settings;
 use surfel::render::cut_key::cut_settings;

@@ -11,8 +11,8 @@ use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::pack::{ColorBy, Lighting, Phong, falsecolor};
-use surfel::progress::Silent;
+use surfel::pack::{ColorBy, Phong, SurfaceLighting, falsecolor};
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameCounts;
@@ -80,7 +80,7 @@ fn tile(n: u32, normal: Vec3) -> Model {
             .collect(),
         ..Mesh::default()
     };
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 const SIDE: u32 = 120;
@@ -123,7 +123,10 @@ fn a_plane_has_the_one_color_of_its_normal() {
     let backends = backends();
     for backend in &backends.0 {
         for (method, splat) in WAYS {
-            for light in [Lighting::Headlight, Lighting::Phong(Phong::default())] {
+            for light in [
+                SurfaceLighting::Headlight,
+                SurfaceLighting::Phong(Phong::default()),
+            ] {
                 let settings = Settings {
                     method,
                     splat,
@@ -158,7 +161,7 @@ fn what_has_no_normal_is_gray() {
             .collect(),
         ..Mesh::default()
     };
-    let cloud = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let cloud = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let view = orbit(&cloud, (60, 60), 0.0, 0.0, 1.0);
     let settings = Settings {
         color_by: ColorBy::Normal,

@@ -8,9 +8,9 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 use surfel::{
-    generate::{self, Error, GeneratedShape, ShapeSpec, ply},
+    generate::{self, GenerateError, GeneratedShape, ShapeSpec, ply},
     mesh::Mesh,
-    progress::{Progress, Silent},
+    progress::{Progress, SilentProgress},
 };
 
 fn sized(shape: GeneratedShape, triangles: u64) -> ShapeSpec {
@@ -388,7 +388,7 @@ fn any_number_of_threads_gives_the_same_model() {
                 .expect("a pool");
             pool.install(|| {
                 let mut bytes = Vec::new();
-                generate::write_ply(&spec, &mut bytes, &Silent).expect("written");
+                generate::write_ply(&spec, &mut bytes, &SilentProgress).expect("written");
                 (generate::mesh(&spec), bytes)
             })
         };
@@ -410,9 +410,9 @@ fn the_stream_has_the_bytes_of_the_mesh() {
     ]);
     for spec in specs {
         let mut streamed = Vec::new();
-        generate::write_ply(&spec, &mut streamed, &Silent).expect("written");
+        generate::write_ply(&spec, &mut streamed, &SilentProgress).expect("written");
         let mut whole = Vec::new();
-        ply::write_to(&generate::mesh(&spec), &mut whole, &Silent).expect("written");
+        ply::write_to(&generate::mesh(&spec), &mut whole, &SilentProgress).expect("written");
         assert!(streamed == whole, "{spec:?}");
     }
 }
@@ -454,9 +454,9 @@ fn files_are_whole_or_absent() {
 
     let meter = Meter::until(1000);
     let result = generate::write_ply_file(&spec, &path, &meter);
-    assert!(matches!(result, Err(Error::Cancelled)));
+    assert!(matches!(result, Err(GenerateError::Cancelled)));
     let result = ply::write(&generate::mesh(&spec), &path, &meter);
-    assert!(matches!(result, Err(Error::Cancelled)));
+    assert!(matches!(result, Err(GenerateError::Cancelled)));
     assert_eq!(std::fs::read_dir(&folder).expect("listed").count(), 0);
 
     let meter = Meter::until(u64::MAX);
@@ -465,7 +465,7 @@ fn files_are_whole_or_absent() {
     assert_eq!(meter.total.into_inner(), size);
     assert_eq!(meter.done.into_inner(), size);
     let streamed = std::fs::read(&path).expect("read");
-    ply::write(&generate::mesh(&spec), &path, &Silent).expect("written");
+    ply::write(&generate::mesh(&spec), &path, &SilentProgress).expect("written");
     assert!(streamed == std::fs::read(&path).expect("read"));
 }
 
@@ -489,7 +489,7 @@ impl Write for Full {
 fn a_full_disk_is_an_error() {
     let spec = grid(GeneratedShape::Sphere, 24, 11);
     for room in [0, 500, 7000] {
-        let result = generate::write_ply(&spec, &mut Full(room), &Silent);
-        assert!(matches!(result, Err(Error::Stream(_))), "{room}");
+        let result = generate::write_ply(&spec, &mut Full(room), &SilentProgress);
+        assert!(matches!(result, Err(GenerateError::Stream(_))), "{room}");
     }
 }

@@ -19,7 +19,7 @@ use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::gpu::device::DeviceKind;
 use surfel::gpu::{DeviceOptions, Error};
 use surfel::image::{FloatImage, Image, difference_picture};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::cost::model::DrawCosts;
 use surfel::render::engine::{Backend, Engine};
@@ -30,7 +30,7 @@ const SIDE: u32 = 128;
 fn models() -> Vec<(&'static str, Model)> {
     let build = |spec: ShapeSpec| {
         let mesh = surfel::generate::mesh(&spec);
-        tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+        tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
     };
     vec![
         (
@@ -219,7 +219,7 @@ fn compute_draws_the_goldens() {
     draws_the_goldens(&backend, PictureExecutor::Compute, GOLDEN_DEVICE);
 }
 
-/// What is chosen for a device with memory of its own: lists of numbers, cuts on the device, drawn by compute. A software device
+/// What is chosen for a device with memory of its own: lists of ids, cuts on the device, drawn by compute. A software device
 /// is told that it is one, and that it cuts sooner than the host.
 #[test]
 fn what_a_graphics_card_is_asked_for_are_the_goldens() {
@@ -261,7 +261,7 @@ fn what_a_graphics_card_is_asked_for_are_the_goldens() {
             }
         }
     }
-    println!("{by_ids} pictures of lists of numbers, {by_cut} of cuts on the device");
+    println!("{by_ids} pictures of lists of ids, {by_cut} of cuts on the device");
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert!(by_ids >= 20 && by_cut >= 10, "{by_ids}, {by_cut}");
 }

@@ -8,13 +8,13 @@ use surfel::generate::GeneratedShape;
 use surfel::gpu::DeviceOptions;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
-use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::pack::{ColorBy, Phong, SurfaceLighting};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::vulkan::renderer::VulkanRenderer;
 use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{
-    Culling, ListOf, Method, Path, Reconstruction, Settings, SplatKind, Traversal,
+    Culling, CutTraversal, ListOf, Method, Path, Reconstruction, Settings, SplatKind,
 };
 use surfel::tree::Model;
 
@@ -183,7 +183,7 @@ fn where_the_traversal_starts_does_not_show() {
             || Engine::new(&backend, &model, (160, 160), PictureOutputs::default()).unwrap();
         let mut engines = [engine(), engine()];
         for view in &views {
-            let both = [Traversal::Root, Traversal::Coherent].into_iter();
+            let both = [CutTraversal::Root, CutTraversal::Coherent].into_iter();
             let each = both.zip(&mut engines).zip(&mut visited);
             let pictures: Vec<_> = each
                 .map(|((traversal, engine), visited)| {
@@ -219,7 +219,7 @@ fn pages_do_not_show() {
     let cloud = surfel::tree::build(
         mesh,
         &surfel::tree::BuildOptions::default(),
-        &surfel::progress::Silent,
+        &surfel::progress::SilentProgress,
     )
     .unwrap();
     for model in [&statue, &cloud] {
@@ -228,7 +228,7 @@ fn pages_do_not_show() {
             if !model.kind().is_surface() && !draws_clouds(case) {
                 continue;
             }
-            // Compute takes triangles where all are in one buffer, and the device expands lists of numbers there.
+            // Compute takes triangles where all are in one buffer, and the device expands lists of ids there.
             let s = Settings {
                 path: Path::Raster,
                 list_of: ListOf::Records,
@@ -329,7 +329,7 @@ fn one_renderer_draws_frames_of_every_kind_as_a_new_one_does() {
             (
                 perspective,
                 Settings {
-                    light: Lighting::Phong(Phong::default()),
+                    light: SurfaceLighting::Phong(Phong::default()),
                     ..plain
                 },
             ),
@@ -378,7 +378,7 @@ fn splats_above_the_devices_point_limit_are_drawn_whole() {
     let model = surfel::tree::build(
         mesh,
         &surfel::tree::BuildOptions::default(),
-        &surfel::progress::Silent,
+        &surfel::progress::SilentProgress,
     )
     .unwrap();
     let limit = device.gpu().info().max_point_size_px;

@@ -11,8 +11,8 @@ use surfel::image::{FloatImage, Image};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::pack::lit_sphere::LitSphere;
-use surfel::pack::{Lamp, Lighting, Phong};
-use surfel::progress::Silent;
+use surfel::pack::{Lamp, Phong, SurfaceLighting};
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Culling, Method, Settings, Shading, SplatKind};
@@ -31,7 +31,7 @@ fn from_camera(azimuth: f64, elevation: f64) -> Lamp {
 
 fn with(lamp: Lamp, ambient: f32, specular: f32, shininess: f32) -> Settings {
     Settings {
-        light: Lighting::Phong(Phong {
+        light: SurfaceLighting::Phong(Phong {
             lamp,
             ambient,
             specular,
@@ -100,7 +100,7 @@ fn on_sphere(is_perspective: bool, i: usize) -> Option<(DVec3, DVec3)> {
 
 /// The levels that the equation gives on the unit sphere.
 fn closed_form(settings: &Settings, hit: DVec3, to_eye: DVec3, color: [u8; 3]) -> [f64; 3] {
-    let Lighting::Phong(phong) = settings.light else {
+    let SurfaceLighting::Phong(phong) = settings.light else {
         panic!("a lamp")
     };
     let l = match phong.lamp {
@@ -134,7 +134,7 @@ fn sphere(triangles: u64, [r, g, b]: [u8; 3]) -> Model {
 }
 
 fn build(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 const LAMPS: [Lamp; 4] = [
@@ -203,7 +203,7 @@ fn a_sphere_anywhere_has_the_closed_form_of_lights_that_go_with_the_camera() {
             let view = along_z(is_perspective);
             let settings = Settings {
                 method: Method::Triangles,
-                light: Lighting::Sphere(sphere),
+                light: SurfaceLighting::Sphere(sphere),
                 ..Settings::default()
             };
             let image = draw(&Backend::Mirror, &model, &view, &settings);
@@ -347,7 +347,7 @@ fn the_back_is_lit_from_its_own_side_or_not_at_all() {
         surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Sphere, 2000).unwrap());
     mesh.normals.clear();
     mesh.triangles.clear();
-    let cloud = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let cloud = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let settings = Settings {
         method: Method::Points,
         threshold_px: 5.0,
@@ -519,8 +519,16 @@ fn the_device_draws_what_the_mirror_draws() {
             (lamp(from_camera(75.0, 15.0), 32.0), Culling::Auto, true),
             (lamp(at_a_point, 300.0), Culling::Off, true),
             (lamp(from_camera(-40.0, 40.0), 1.0), Culling::Off, false),
-            (Lighting::Sphere(LitSphere::Studio), Culling::Off, false),
-            (Lighting::Sphere(LitSphere::Porcelain), Culling::Auto, true),
+            (
+                SurfaceLighting::Sphere(LitSphere::Studio),
+                Culling::Off,
+                false,
+            ),
+            (
+                SurfaceLighting::Sphere(LitSphere::Porcelain),
+                Culling::Auto,
+                true,
+            ),
         ] {
             for (method, splat, threshold_px) in METHODS {
                 if splat == SplatKind::Filtered && !two_sided {
@@ -552,8 +560,8 @@ fn the_device_draws_what_the_mirror_draws() {
             ..Settings::default()
         };
         let lit = |light| Settings { light, ..headlight };
-        let lamp = lit(Lighting::Phong(Phong::default()));
-        let metal = lit(Lighting::Sphere(LitSphere::Metal));
+        let lamp = lit(SurfaceLighting::Phong(Phong::default()));
+        let metal = lit(SurfaceLighting::Sphere(LitSphere::Metal));
         let mut engine = Engine::new(
             &device_backend,
             &model,

@@ -9,7 +9,7 @@ use surfel::cut::{Cut, CutSelector, SplatFootprints, ZeroAreaSet, select};
 use surfel::generate::GeneratedShape;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameCounts;
@@ -27,7 +27,7 @@ const LOOKS: [(Method, SplatKind, Path); 5] = [
 ];
 
 fn build(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Two engines for pictures of one size: for frames that leave nothing out, and for frames that do.

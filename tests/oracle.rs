@@ -7,10 +7,10 @@ use common::pictures::{self, PictureOracle};
 use common::{Device, generated, orbit, scans};
 use glam::{DVec3, Vec3};
 use surfel::generate::GeneratedShape;
-use surfel::math::camera::{Camera, Light, View};
+use surfel::math::camera::{Camera, HeadlightSource, View};
 use surfel::mesh::Mesh;
 use surfel::pack::ColorBy;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Culling, Method, Settings, SplatKind};
@@ -117,7 +117,7 @@ fn filtered_splats() {
     cases.push(("bare cloud".into(), bare));
     cases.push(("splats only".into(), cases[1].1.clone()));
     for (name, mesh) in cases {
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
         let method = if name == "splats only" {
             Method::Splats
         } else {
@@ -156,7 +156,7 @@ fn what_filtered_splats_cannot_draw_is_refused_by_name() {
             &surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Statue, 5_000).unwrap(),
         ),
         &BuildOptions::default(),
-        &Silent,
+        &SilentProgress,
     )
     .unwrap();
     let view = orbit(&statue, (64, 64), 0.0, 0.0, 1.0);
@@ -243,7 +243,7 @@ fn orthographic_off_center_and_parallel_light() {
     let Some(device) = Device::open() else { return };
     let model = generated(GeneratedShape::Statue, 30_000);
     let mut camera = Camera::orbit((180, 220), DVec3::ZERO, 1.6, 0.7, 0.3, 1.0);
-    camera.light = Light::Directional;
+    camera.light = HeadlightSource::Directional;
     every_method(
         &device,
         &model,
@@ -316,7 +316,7 @@ fn colors_missing_normals_and_clouds() {
             ]
         })
         .collect();
-    let build = |mesh: Mesh| tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let build = |mesh: Mesh| tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let colored = build(mesh.clone());
     let view = orbit(&colored, (200, 200), 10.0, 5.0, 0.9);
     every_method(
@@ -391,7 +391,7 @@ fn scans_and_real_models() {
     ]);
     let mut points = common::load(&common::models::scan_file());
     points.triangles.clear();
-    let points = tree::build(points, &BuildOptions::default(), &Silent).unwrap();
+    let points = tree::build(points, &BuildOptions::default(), &SilentProgress).unwrap();
     models.push(("points of the scan".into(), points));
     for (name, model) in models {
         let view = orbit(&model, (300, 300), 40.0, 25.0, 1.0);

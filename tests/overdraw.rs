@@ -10,7 +10,7 @@ use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::pack::{ColorBy, falsecolor};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::OverdrawSummary;
@@ -93,7 +93,7 @@ fn model(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Model {
         triangles,
         ..Mesh::default()
     };
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Squares of the side `2 half` at these depths, each of two triangles.
@@ -310,7 +310,7 @@ fn how_it_would_be_drawn_and_lit_does_not_matter() {
                     ..settings
                 },
                 Settings {
-                    light: surfel::pack::Lighting::Phong(surfel::pack::Phong::default()),
+                    light: surfel::pack::SurfaceLighting::Phong(surfel::pack::Phong::default()),
                     ..settings
                 },
             ] {

@@ -11,14 +11,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use surfel::generate::{GeneratedShape, ShapeSpec};
-use surfel::image::{Accumulator, Image, jittered};
+use surfel::image::{Image, PictureAccumulator, jittered};
 use surfel::math::camera::{Camera, View};
 use surfel::pages::file::PagedFile;
 use surfel::pages::join::whole_model;
 use surfel::pages::source::{ByteSource, MemorySource};
 use surfel::pages::write::{PagedOptions, to_bytes, to_bytes_with_patches};
 use surfel::patches::{ErrorTolerances, PatchRules};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::paged_model::{FilePrefix, PagedModel, PagedModelOptions};
 use surfel::render::{Culling, Method, Occlusion, Path, Settings, SplatKind};
@@ -45,7 +45,7 @@ fn statue(triangles: u64, is_cloud: bool) -> Model {
     }
     // Far from the world's zero.
     mesh.origin = DVec3::new(4.0e5, 5.0e6, 100.0);
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 fn paged(model: &Model) -> PagedFile {
@@ -166,7 +166,7 @@ fn a_device_draws_pages_as_the_reference_does() {
 
 /// Makes a file with records of error patches, in small pages.
 fn paged_with_patches(model: &Model) -> PagedFile {
-    let bytes = to_bytes_with_patches(model, &SMALL_PAGES, &Silent).unwrap();
+    let bytes = to_bytes_with_patches(model, &SMALL_PAGES, &SilentProgress).unwrap();
     PagedFile::open(Arc::new(MemorySource::new("t.surfel", bytes))).unwrap()
 }
 
@@ -186,7 +186,7 @@ fn by_error(path: Path, tolerance_px: f32) -> Settings {
 fn pages_are_drawn_by_error_as_the_joined_model_is() {
     let model = statue(40_000, false);
     let file = paged_with_patches(&model);
-    let joined = whole_model(&file, &Silent).unwrap();
+    let joined = whole_model(&file, &SilentProgress).unwrap();
     let mut fewer = 0;
     for (name, view) in views(&joined) {
         for tolerance_px in [0.5, 2.0] {
@@ -208,7 +208,12 @@ fn pages_are_drawn_by_error_as_the_joined_model_is() {
             let by_size = settings_of(SplatKind::Square, 1.0);
             let pages = |settings: &Settings| {
                 let mut pages = opened(&file, ENOUGH);
-                assert!(pages.load(&view, settings, &Silent).unwrap().is_empty());
+                assert!(
+                    pages
+                        .load(&view, settings, &SilentProgress)
+                        .unwrap()
+                        .is_empty()
+                );
                 pages.resident_pages()
             };
             fewer += usize::from(pages(&settings) < pages(&by_size));
@@ -256,7 +261,7 @@ fn patches_of_pages_are_drawn_alike_by_all_and_refused_where_there_are_none() {
     }
     let view = orbit(&model, SIZE, 40.0, 25.0, 1.0);
     let mut pages = opened(&plain, ENOUGH);
-    let refused = pages.load(&view, &by_error(Path::Auto, 1.0), &Silent);
+    let refused = pages.load(&view, &by_error(Path::Auto, 1.0), &SilentProgress);
     assert!(
         refused
             .unwrap_err()
@@ -280,7 +285,7 @@ fn differences(one: &Image, two: &Image) -> (usize, usize) {
 fn a_whole_picture_is_that_of_the_joined_model() {
     for is_cloud in [false, true] {
         let file = paged(&statue(60_000, is_cloud));
-        let joined = whole_model(&file, &Silent).unwrap();
+        let joined = whole_model(&file, &SilentProgress).unwrap();
         for (name, view) in views(&joined) {
             for splat in [SplatKind::Square, SplatKind::Filtered] {
                 let settings = Settings {
@@ -367,7 +372,7 @@ fn samples_that_are_pixels_of_a_larger_picture_are_those_of_shifted_views() {
             let mut engine = Engine::new(&Backend::Cpu, &stand_in, SIZE, outputs).unwrap();
             engine.set_pages(0, pages);
             let own = engine.supersample(&view, &settings, 4).unwrap();
-            let mut mean = Accumulator::new();
+            let mut mean = PictureAccumulator::new();
             for i in 0..16 {
                 let sample = engine.sample(&jittered(&view, i, 4), &settings).unwrap();
                 mean.add(&sample).unwrap();
@@ -428,7 +433,12 @@ fn what_does_not_fit_memory_is_coarser_and_nothing_is_missing() {
         let (full, _) = picture(&Backend::Cpu, opened(&file, ENOUGH), &view, &settings).unwrap();
         for memory in [1, 200_000, 600_000] {
             let mut pages = opened(&file, memory);
-            assert!(pages.load(&view, &settings, &Silent).unwrap().is_empty());
+            assert!(
+                pages
+                    .load(&view, &settings, &SilentProgress)
+                    .unwrap()
+                    .is_empty()
+            );
             // The first page is always there.
             let first = 120_000;
             assert!(pages.resident_bytes() <= memory.max(first), "{memory}");
@@ -502,7 +512,7 @@ fn pages_that_cannot_be_read_are_named_and_what_stands_for_them_is_drawn() {
         threshold_px: 0.0,
         ..settings
     };
-    let messages = pages.load(&view, &both_sides, &Silent).unwrap();
+    let messages = pages.load(&view, &both_sides, &SilentProgress).unwrap();
     assert!(
         messages.len() == 1 && messages[0].contains("checksum"),
         "{messages:?}"
@@ -515,10 +525,13 @@ fn several_files_and_models_are_drawn_together_and_can_be_hidden() {
     let mut mesh =
         surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Torus, 20_000).unwrap());
     mesh.origin = first.origin + DVec3::new(0.25, 0.5, -0.125);
-    let second = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
-    let moved = second.clone().moved_to(first.origin, &Silent).unwrap();
+    let second = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
+    let moved = second
+        .clone()
+        .moved_to(first.origin, &SilentProgress)
+        .unwrap();
     let files = [paged(&first), paged(&second)];
-    let joined = whole_model(&files[0], &Silent).unwrap();
+    let joined = whole_model(&files[0], &SilentProgress).unwrap();
     let view = orbit(&first, SIZE, 40.0, 25.0, 0.7);
     let settings = Settings {
         occlusion: Occlusion::Off,
@@ -570,7 +583,7 @@ fn methods_that_draw_all_of_a_model_are_refused_by_name() {
             method,
             ..Settings::default()
         };
-        let refused = opened(&file, ENOUGH).load(&view, &settings, &Silent);
+        let refused = opened(&file, ENOUGH).load(&view, &settings, &SilentProgress);
         let why = refused.unwrap_err().to_string();
         assert!(why.contains("paged") && why.contains("--method"), "{why}");
     }

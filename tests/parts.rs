@@ -12,7 +12,7 @@ use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::pack::ColorBy;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{ListOf, Method, Path, PictureOutputs, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
@@ -20,7 +20,7 @@ use surfel::tree::{self, BuildOptions, Model};
 const SIZE: (u32, u32) = (240, 200);
 
 fn built(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 fn mesh(shape: GeneratedShape, triangles: u64) -> Mesh {
@@ -252,7 +252,7 @@ fn hidden_parts_are_left_out_and_come_back() {
 fn a_model_moves_to_the_space_of_another() {
     let plain = built(mesh(GeneratedShape::Statue, 3_000));
     let origin = DVec3::new(-3.7, 100.3, 5.1);
-    let moved = plain.clone().moved_to(origin, &Silent).unwrap();
+    let moved = plain.clone().moved_to(origin, &SilentProgress).unwrap();
     assert_eq!(moved.origin, origin);
     let report = tree::check(&moved);
     assert!(report.is_clean(), "{report}");

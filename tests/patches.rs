@@ -8,7 +8,7 @@ use common::{Device, generated, orbit, scans};
 use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
-use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::pack::{ColorBy, Phong, SurfaceLighting};
 use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Culling, Method, Path, PictureOutputs, Settings, SplatKind};
@@ -82,7 +82,7 @@ fn looks(rules: PatchRules) -> [Settings; 5] {
     [
         usual,
         Settings {
-            light: Lighting::Phong(Phong::default()),
+            light: SurfaceLighting::Phong(Phong::default()),
             ..usual
         },
         Settings {

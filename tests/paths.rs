@@ -18,7 +18,7 @@ use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
-use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::pack::{ColorBy, Phong, SurfaceLighting};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
@@ -100,7 +100,7 @@ fn discs(threshold_px: f32) -> Settings {
 
 fn built(mesh: Mesh) -> Model {
     let options = surfel::tree::BuildOptions::default();
-    surfel::tree::build(mesh, &options, &surfel::progress::Silent).unwrap()
+    surfel::tree::build(mesh, &options, &surfel::progress::SilentProgress).unwrap()
 }
 
 /// A statue of 30,000 triangles, in colors.
@@ -407,7 +407,7 @@ fn blended_splats_of_every_size_light_and_projection_are_the_same() {
         };
         assert_same(&device, &model, &view, whole, &format!("{kind:?}, leaves"));
         let lit = Settings {
-            light: Lighting::Phong(Phong::default()),
+            light: SurfaceLighting::Phong(Phong::default()),
             background: [1.0, 0.5, 0.0],
             ..settings
         };

@@ -18,7 +18,7 @@ use surfel::photos::look::{LookSettings, look_at_pixel};
 use surfel::photos::scene::{CalibratedCamera, PhotoScene, SceneFormat, ScenePhoto};
 use surfel::photos::stage::PhotoStage;
 use surfel::photos::surface::{SurfaceDrawer, renderer_camera};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::projective::frame_photos::{ComparedPhoto, FramePhotos, UNCOVERED, photo_tint};
 use surfel::projective::lens::{CameraLens, LensModel};
 use surfel::projective::surface_rays::SurfaceRays;
@@ -67,7 +67,7 @@ fn walls() -> Model {
             }
         }
     }
-    surfel::tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    surfel::tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// What the walls look like: smooth over a few pixels, different for both.
@@ -154,7 +154,8 @@ fn painted_scene(folder: &FilePath) -> PhotoScene {
 /// A scene on a model, decoded at most so large.
 fn staged(scene: &PhotoScene, model: &Model, longest_side: u32) -> PhotoStage {
     let drawer = SurfaceDrawer::new(&Backend::Cpu, model);
-    let (mut stage, remarks) = PhotoStage::load(scene, &drawer, 16, longest_side, &Silent).unwrap();
+    let (mut stage, remarks) =
+        PhotoStage::load(scene, &drawer, 16, longest_side, &SilentProgress).unwrap();
     assert!(remarks.is_empty(), "{remarks:?}");
     let camera = renderer_camera(&scene.photos[0].camera.pinhole(), model).unwrap();
     let view = camera.view(model.origin).unwrap();
@@ -450,7 +451,7 @@ fn the_castle_on_a_device_is_the_castle_on_the_processor() {
     let mut scene = read_scene(&path, None).unwrap();
     scene.photos.retain(|photo| photo.file.is_some());
     let mesh = real_file("photos/sceaux/scene_mesh.ply").unwrap();
-    let model = surfel::open(mesh, &Default::default(), &Silent)
+    let model = surfel::open(mesh, &Default::default(), &SilentProgress)
         .unwrap()
         .model;
     let stage = staged(&scene, &model, 708);

@@ -8,8 +8,8 @@ use common::{generated, orbit};
 use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
-use surfel::pack::{Lighting, Phong};
-use surfel::render::engine::Backend;
+use surfel::pack::{ALBEDO, Phong, SurfaceLighting};
+use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Blend, Culling, Settings, SplatKind};
 use surfel::tree::Model;
 
@@ -39,9 +39,30 @@ fn says_no(oracle: &PictureOracle, wanted: &Image, got: &Image) -> bool {
     verdict.is_err()
 }
 
-/// One constant of the reference's input is another one: every oracle has to say no.
+/// One constant of the reference itself is another one, by a twentieth: every oracle has to say no.
 #[test]
 fn every_oracle_sees_another_constant_of_the_reference() {
+    let model = generated(GeneratedShape::Statue, 20_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    let drawn = |albedo| {
+        let outputs = pictures::with_depth(true);
+        let engine = Engine::new(&Backend::Mirror, &model, SIZE, outputs).unwrap();
+        let mut engine = engine.with_wrong_albedo(albedo);
+        engine.render(&view, &usual()).unwrap()
+    };
+    let wanted = drawn(ALBEDO);
+    assert!(wanted == reference(&model, &view, &usual()));
+    let got = drawn(0.95 * ALBEDO);
+    for oracle in pictures::ALL {
+        let oracle = oracle.seen_in(&view);
+        assert!(!says_no(&oracle, &wanted, &wanted), "{}", oracle.name);
+        assert!(says_no(&oracle, &wanted, &got), "{}", oracle.name);
+    }
+}
+
+/// One of the reference's inputs is another one: every oracle has to say no.
+#[test]
+fn every_oracle_sees_another_input_of_the_reference() {
     let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let blended = Settings {
@@ -86,7 +107,7 @@ fn every_oracle_sees_another_constant_of_the_reference() {
             usual(),
             view,
             Settings {
-                light: Lighting::Phong(Phong::default()),
+                light: SurfaceLighting::Phong(Phong::default()),
                 ..usual()
             },
         ),

@@ -9,8 +9,8 @@ use glam::DVec3;
 use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::{Image, unorm8};
 use surfel::math::camera::View;
-use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
-use surfel::progress::Silent;
+use surfel::pack::{ColorBy, Lamp, Phong, SurfaceLighting};
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Culling, Method, Settings, SplatKind};
@@ -37,7 +37,7 @@ const WAYS: [(Method, SplatKind, f32); 7] = [
 
 /// A statue in colors, a coarse torus whose triangles are large, and a cloud.
 fn models() -> Vec<(&'static str, Model)> {
-    let built = |mesh| tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let built = |mesh| tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let mut colored =
         surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 30_000).unwrap());
     let shade = |x: f32| (x * 127.0 + 128.0) as u8;
@@ -175,7 +175,7 @@ fn lit(settings: Settings, lamp: Lamp) -> Settings {
         ..Phong::default()
     };
     Settings {
-        light: Lighting::Phong(phong),
+        light: SurfaceLighting::Phong(phong),
         ..settings
     }
 }

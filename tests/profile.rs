@@ -44,10 +44,10 @@ fn counters_are_believed_only_where_they_are_exact() {
 use surfel::generate::GeneratedShape;
 use surfel::gpu::frame::FrameMeasure;
 use surfel::math::camera::View;
-use surfel::measure::profile::{Error, FrameProfile, Plan, ProfileProof};
+use surfel::measure::profile::{FrameProfile, ProfileError, ProfilePlan, ProfileProof};
 use surfel::measure::report::ProfileReport;
 use surfel::measure::trace;
-use surfel::progress::{Progress, Silent};
+use surfel::progress::{Progress, SilentProgress};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameStage;
@@ -73,7 +73,7 @@ fn views(model: &Model, count: u32) -> Vec<View> {
 
 fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings) -> FrameProfile {
     let mut engine = Engine::new(backend, model, SIZE, PictureOutputs::default()).unwrap();
-    let plan = Plan {
+    let plan = ProfilePlan {
         views,
         settings,
         warm_up: 1,
@@ -86,7 +86,7 @@ fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings
         },
         _ => ProfileProof::default(),
     };
-    FrameProfile::run(backend, &mut engine, &plan, proof, &Silent).unwrap()
+    FrameProfile::run(backend, &mut engine, &plan, proof, &SilentProgress).unwrap()
 }
 
 fn settings(method: Method, splat: SplatKind) -> Settings {
@@ -114,7 +114,7 @@ fn check_times(profile: &FrameProfile, passes: &[&str], is_timed: bool) {
                 assert_eq!(t.of(stage), 0.0);
             }
         }
-        // A device with memory of its own makes its lists of numbers first.
+        // A device with memory of its own makes its lists of ids first.
         let is_drawn = |name: &&str| !name.starts_with("lists.");
         let counted = sample.counters.iter().map(|c| c.name).filter(is_drawn);
         assert_eq!(counted.collect::<Vec<_>>(), passes);
@@ -228,7 +228,7 @@ fn passes_stages_and_counters_hang_together() {
             // Draw lists and the one uniform block.
             let frame_constants = size_of::<surfel::abi::FrameConstants>() as u64;
             let blocks = sample.times.uploaded_bytes - counts.draw_list_bytes;
-            // A device with memory of its own makes its lists of numbers, which takes some more.
+            // A device with memory of its own makes its lists of ids, which takes some more.
             let most = if common::is_card() { 512 } else { 0 };
             assert!((frame_constants..=frame_constants + most).contains(&blocks));
         }
@@ -417,7 +417,7 @@ fn the_mirror_has_stages_and_counts() {
     // No view, no figures.
     let mut engine =
         Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
-    let plan = Plan {
+    let plan = ProfilePlan {
         views: &[],
         settings: &settings,
         warm_up: 1,
@@ -427,7 +427,7 @@ fn the_mirror_has_stages_and_counts() {
         &mut engine,
         &plan,
         ProfileProof::default(),
-        &Silent,
+        &SilentProgress,
     )
     .unwrap();
     assert_eq!(ProfileReport::of(&empty).frames, 0);
@@ -459,7 +459,7 @@ fn cancelling_ends_at_the_next_frame() {
     let settings = settings(Method::Pop, SplatKind::Square);
     let mut engine =
         Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
-    let plan = Plan {
+    let plan = ProfilePlan {
         views: &views,
         settings: &settings,
         warm_up: 1,
@@ -474,7 +474,7 @@ fn cancelling_ends_at_the_next_frame() {
             ProfileProof::default(),
             &progress,
         ) {
-            Err(Error::Cancelled(n)) => assert_eq!(n, frames),
+            Err(ProfileError::Cancelled(n)) => assert_eq!(n, frames),
             other => panic!("{other:?}"),
         }
     }

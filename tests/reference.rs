@@ -13,11 +13,11 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 use surfel::chart::run::ChartBench;
 use surfel::generate::{GeneratedShape, ShapeSpec};
-use surfel::image::{Accumulator, FloatImage, stratified};
-use surfel::math::camera::{Camera, Light, View};
+use surfel::image::{FloatImage, PictureAccumulator, stratified};
+use surfel::math::camera::{Camera, HeadlightSource, View};
 use surfel::math::octahedral;
 use surfel::measure::{depth_error, normal_error};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Method, Path, Settings, SplatKind};
@@ -177,7 +177,7 @@ fn the_reference_is_what_very_many_rays_see() {
     let view = orbit(&statue, (150, 150), 30.0, 20.0, 1.0);
     let backend = Backend::Device(device.gpu().clone());
     let mut bench = ChartBench::new(&backend, &statue, (150, 150)).unwrap();
-    let reference = bench.reference(&view, 8, &Silent).unwrap();
+    let reference = bench.reference(&view, 8, &SilentProgress).unwrap();
     let caster = Caster::new(&statue);
     let (mut worst, mut sum, mut count) = (0.0f64, 0.0, 0u32);
     // Every 41st pixel: 549 of them.
@@ -220,7 +220,7 @@ fn the_reference_of_a_sphere_covers_a_circle() {
     let view = orbit(&sphere, (200, 200), 0.0, 0.0, 1.0);
     let backend = Backend::Device(device.gpu().clone());
     let mut bench = ChartBench::new(&backend, &sphere, (200, 200)).unwrap();
-    let reference = bench.reference(&view, 8, &Silent).unwrap();
+    let reference = bench.reference(&view, 8, &SilentProgress).unwrap();
     let area: f64 = reference
         .picture
         .color
@@ -286,10 +286,10 @@ fn a_shade_between_two_levels_stays_between_them() {
     let mut mesh =
         surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Square, 20_000).unwrap());
     mesh.colors = vec![color; mesh.positions.len()];
-    let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     // The unit square is larger than the picture, whose pixels are 0.0085 of it: leaves of 1.7 pixels.
     let camera = Camera {
-        light: Light::Directional,
+        light: HeadlightSource::Directional,
         ..Camera::look_at(
             (80, 60),
             DVec3::new(0.0, 0.0, 0.6),
@@ -370,7 +370,7 @@ fn inside_of_a_surface_the_reference_is_exact_to_a_fraction_of_a_level() {
     let caster = Caster::new(&sphere);
     for backend in [Backend::Device(device.gpu().clone()), Backend::Mirror] {
         let mut bench = ChartBench::new(&backend, &sphere, (200, 200)).unwrap();
-        let reference = bench.reference(&view, 8, &Silent).unwrap();
+        let reference = bench.reference(&view, 8, &SilentProgress).unwrap();
         let (rms, worst) = off_inside(&reference.picture, &caster, &view);
         println!("{}: rms {rms:.4}, worst {worst:.4} levels", backend.name());
         // 64 places, each anywhere in its cell of an eighth of a pixel: two levels a pixel make 2/8/12^0.5/8 = 0.009, the
@@ -384,7 +384,7 @@ fn inside_of_a_surface_the_reference_is_exact_to_a_fraction_of_a_level() {
         method: Method::Triangles,
         ..Settings::default()
     };
-    let mut rounded = Accumulator::new();
+    let mut rounded = PictureAccumulator::new();
     for i in 0..64 {
         let image = engine.render(&stratified(&view, i, 8), &settings).unwrap();
         rounded.add(&image).unwrap();

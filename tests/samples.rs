@@ -12,7 +12,7 @@ use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameCounts;
@@ -142,7 +142,7 @@ fn samples_have_the_colors_of_the_rasterizer() {
             mesh.triangles.push([a + 1, a + row + 1, a + row]);
         }
     }
-    let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let view = orbit(&model, (160, 160), 10.0, 30.0, 0.8);
     for (use_colors, two_sided) in [(true, true), (false, true), (true, false)] {
         let settings = Settings {
@@ -187,7 +187,7 @@ fn thresholds_of_little_more_than_a_pixel_are_a_pixel() {
             positions: model.vertices.iter().map(|v| v.position).collect(),
             ..Mesh::default()
         };
-        tree::build(points, &BuildOptions::default(), &Silent).unwrap()
+        tree::build(points, &BuildOptions::default(), &SilentProgress).unwrap()
     };
     let view = orbit(&model, (120, 90), 30.0, 20.0, 1.0);
     let at = |threshold_px| Settings {

@@ -8,13 +8,15 @@ use glam::{DMat4, DVec3, Vec3};
 use std::fmt::Write;
 use surfel::cut::{self, CutSelector};
 use surfel::generate::{GeneratedShape, ShapeSpec};
-use surfel::image::{Difference, Image, compare};
+use surfel::image::{Image, PictureDifference, compare};
 use surfel::input;
 use surfel::math::camera::Camera;
-use surfel::measure::motion::{self, CameraPath, MotionSteps, MotionSubject, MotionTarget, Plan};
-use surfel::measure::temporal::{Figures, PictureSequence, TemporalRules};
+use surfel::measure::motion::{
+    self, CameraPath, MotionPlan, MotionSteps, MotionSubject, MotionTarget,
+};
+use surfel::measure::temporal::{PictureSequence, SequenceFigures, TemporalRules};
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Method, Reconstruction, Settings, SplatKind, cut_key};
@@ -66,7 +68,7 @@ fn name(s: &Settings) -> String {
 }
 
 fn build(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 fn models() -> Vec<(&'static str, Model)> {
@@ -84,7 +86,7 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
     let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 50_000).unwrap();
     let mut meshes = vec![("statue", surfel::generate::mesh(&spec))];
     if let Some(path) = common::models::real_file("thesis/horse.ply") {
-        let horse = input::load(&path, &input::Options::default(), &Silent).unwrap();
+        let horse = input::load(&path, &input::ReadOptions::default(), &SilentProgress).unwrap();
         meshes.push(("horse", horse.mesh));
     }
     meshes
@@ -256,7 +258,7 @@ fn through_the_loader(mesh: &Mesh, offset: DVec3) -> Mesh {
     }
     let mut file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
     std::io::Write::write_all(&mut file, text.as_bytes()).unwrap();
-    let loaded = input::load(file.path(), &input::Options::default(), &Silent).unwrap();
+    let loaded = input::load(file.path(), &input::ReadOptions::default(), &SilentProgress).unwrap();
     assert!(
         loaded.mesh.origin.length() > 1e6,
         "the loader moved the origin"
@@ -281,7 +283,7 @@ fn scaled_and_moved_scenes_look_the_same() {
         let check = |what: &str, allowed: f64, first: &[Image], second: &[Image]| {
             let mut worst = (0.0, String::new());
             for (s, (a, b)) in looks.iter().zip(first.iter().zip(second)) {
-                let d: Difference = compare(a, b, 1.0).unwrap();
+                let d: PictureDifference = compare(a, b, 1.0).unwrap();
                 let share = d.whole.past_level as f64 / d.whole.pixels as f64;
                 assert!(
                     share <= allowed && (allowed > 0.0 || d.is_zero()),
@@ -345,14 +347,14 @@ fn along(
             settings: *s,
         })
         .collect();
-    let plan = Plan {
+    let plan = MotionPlan {
         frames: &frames,
         subjects: &subjects,
         samples_side,
         rules: TemporalRules::default(),
     };
     let mut engine = Engine::new(backend, model, SIZE, PictureOutputs::default()).unwrap();
-    motion::measure(&mut engine, model, &plan, &Silent).unwrap()
+    motion::measure(&mut engine, model, &plan, &SilentProgress).unwrap()
 }
 
 /// Closed forms of the measure on real renders: a picture against itself, a camera at rest, a threshold that changes
@@ -376,11 +378,11 @@ fn what_equals_its_reference_does_not_flicker() {
             figures.reference_level > 1.0,
             "the picture moves: {figures:?}"
         );
-        let expected = Figures {
+        let expected = SequenceFigures {
             steps: 4,
             reference_level: figures.reference_level,
             worst_frame: 1,
-            ..Figures::default()
+            ..SequenceFigures::default()
         };
         assert_eq!(figures, expected);
     }

@@ -9,9 +9,9 @@ use surfel::cut::SizeMetric;
 use surfel::generate::GeneratedShape;
 use surfel::gpu::DeviceOptions;
 use surfel::image::Image;
-use surfel::math::camera::{Light, View};
+use surfel::math::camera::{HeadlightSource, View};
 use surfel::pack::lit_sphere::LitSphere;
-use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
+use surfel::pack::{ColorBy, Lamp, Phong, SurfaceLighting};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameTimes;
@@ -19,8 +19,8 @@ use surfel::render::stats::KeptWork;
 use surfel::render::vulkan::renderer::VulkanRenderer;
 use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{
-    AmbientOcclusion, Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings,
-    Shading, SplatKind, SumFormat, Traversal,
+    AmbientOcclusion, Blend, Culling, CutTraversal, EyeDome, Method, Occlusion, Path,
+    Reconstruction, Settings, Shading, SplatKind, SumFormat,
 };
 use surfel::tree::Model;
 
@@ -142,7 +142,7 @@ fn a_still_camera_is_not_cut_and_packed_again() {
                 let times = stand.draw(&view, &look);
                 assert_eq!(times.kept, KeptWork::Lists, "{what}");
                 assert_eq!(times.counts, first.counts, "{what}");
-                // The first has another block where the device makes its lists of numbers.
+                // The first has another block where the device makes its lists of ids.
                 let blocks = first.uploaded_bytes - first.counts.draw_list_bytes;
                 let fewer = blocks - times.uploaded_bytes;
                 assert!(fewer <= 256, "{what}: only uniform blocks");
@@ -239,7 +239,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     let is_square = is == SplatKind::Square;
     let is_gauss = is == SplatKind::Gauss;
     let lamp = |azimuth: f64| {
-        Lighting::Phong(Phong {
+        SurfaceLighting::Phong(Phong {
             lamp: Lamp::FromCamera {
                 azimuth,
                 elevation: 0.3,
@@ -256,7 +256,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     add("raster", false, &|s| s.path = Path::Raster);
     add("occlusion on", false, &|s| s.occlusion = Occlusion::On);
     add("occlusion off", false, &|s| s.occlusion = Occlusion::Off);
-    add("coherent", false, &|s| s.traversal = Traversal::Coherent);
+    add("coherent", false, &|s| s.traversal = CutTraversal::Coherent);
     add("threshold", true, &|s| s.threshold_px = threshold_px + 0.5);
     add("no culling", false, &|s| s.culling = Culling::Off);
     add("by kind", true, &|s| s.color_by = ColorBy::Primitive);
@@ -265,10 +265,10 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     add("lamp", true, &|s| s.light = lamp(-1.0));
     add("other lamp", true, &|s| s.light = lamp(1.0));
     add("studio", true, &|s| {
-        s.light = Lighting::Sphere(LitSphere::Studio);
+        s.light = SurfaceLighting::Sphere(LitSphere::Studio);
     });
     add("metal", true, &|s| {
-        s.light = Lighting::Sphere(LitSphere::Metal);
+        s.light = SurfaceLighting::Sphere(LitSphere::Metal);
     });
     add("darkened", true, &|s| s.eye_dome = EyeDome::On);
     add("more darkened", false, &|s| s.eye_dome_strength = 2.0);
@@ -320,7 +320,7 @@ fn colored() -> Model {
     surfel::tree::build(
         mesh,
         &surfel::tree::BuildOptions::default(),
-        &surfel::progress::Silent,
+        &surfel::progress::SilentProgress,
     )
     .unwrap()
 }
@@ -364,7 +364,7 @@ fn every_change_of_the_camera_is_seen() {
     let mut mirrored = view;
     mirrored.scale[0] = -mirrored.scale[0];
     let parallel = View {
-        light: Light::Directional,
+        light: HeadlightSource::Directional,
         ..view
     };
     let near = View {

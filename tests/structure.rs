@@ -4,8 +4,12 @@
 
 #[path = "structure/circles.rs"]
 mod circles;
+#[path = "structure/doc_words.rs"]
+mod doc_words;
 #[path = "structure/names.rs"]
 mod names;
+#[path = "structure/sizes.rs"]
+mod sizes;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

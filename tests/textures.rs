@@ -9,7 +9,7 @@ use std::sync::Arc;
 use surfel::image::FloatImage;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Method, Settings, SplatKind};
 use surfel::textures::{MeshTextures, NO_IMAGE, TextureImage, TextureLevel, WrapMode};
@@ -98,7 +98,7 @@ fn sheet(cells: u32, image: &Arc<TextureImage>, height: f32) -> Mesh {
 }
 
 fn built(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 fn settings(method: Method, splat: SplatKind) -> Settings {
@@ -299,7 +299,7 @@ fn moved_models_keep_their_textures() {
     let model = built(sheet(4, &checker(), 0.02));
     let textures = model.textures.clone().unwrap();
     let moved = model
-        .moved_to(glam::DVec3::new(10.0, -3.0, 5.0), &Silent)
+        .moved_to(glam::DVec3::new(10.0, -3.0, 5.0), &SilentProgress)
         .unwrap();
     let own = moved.textures.clone().unwrap();
     assert_eq!(own.images.len(), 1);

@@ -23,11 +23,11 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use surfel::math::cone::faces_away;
 use surfel::math::octahedral;
 use surfel::mesh::Mesh;
-use surfel::progress::{Progress, Silent};
+use surfel::progress::{Progress, SilentProgress};
 use surfel::tree::{self, BuildOptions, Error, Model, Node, NodeStrip, NormalCone, build, check};
 
 fn tree_of(mesh: &Mesh) -> Model {
-    build(mesh.clone(), &BuildOptions::default(), &Silent).unwrap()
+    build(mesh.clone(), &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Corner positions of every triangle as bits (those of -0 as of 0), sorted; those of points likewise.
@@ -545,7 +545,7 @@ fn unusable_meshes_are_refused_with_the_place() {
     let fails = |change: &dyn Fn(&mut Mesh)| {
         let mut mesh = square(8);
         change(&mut mesh);
-        build(mesh, &BuildOptions::default(), &Silent).unwrap_err()
+        build(mesh, &BuildOptions::default(), &SilentProgress).unwrap_err()
     };
     let bad = fails(&|m| m.triangles[9][2] = 5000);
     assert!(
@@ -640,8 +640,8 @@ fn files_hold_the_whole_model() {
 
 #[test]
 fn promises_hold_on_our_scan_with_needles_and_borders() {
-    let options = surfel::input::Options::default();
-    let mut scan = surfel::input::load(&scan_file(), &options, &Silent)
+    let options = surfel::input::ReadOptions::default();
+    let mut scan = surfel::input::load(&scan_file(), &options, &SilentProgress)
         .unwrap()
         .mesh;
     let model = assert_sound(&scan, "scan");

@@ -11,8 +11,8 @@ use surfel::mesh::Mesh;
 use surfel::oriented::radius::RadiusRule;
 use surfel::oriented::resample::{SampleChoice, SamplePattern};
 use surfel::oriented::splats::{LevelLeaf, SplatRules};
-use surfel::pack::{ColorBy, Lighting, Phong};
-use surfel::progress::Silent;
+use surfel::pack::{ColorBy, Phong, SurfaceLighting};
+use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{
     Blend, Culling, Method, Path, PictureOutputs, Reconstruction, Settings, Shading, SplatKind,
@@ -41,7 +41,7 @@ fn cube() -> Model {
         triangles: triangles.collect(),
         ..Mesh::default()
     };
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// An open sheet with bumps.
@@ -60,7 +60,7 @@ fn sheet() -> Model {
         triangles: triangles.collect(),
         ..Mesh::default()
     };
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 fn view(model: &Model, azimuth: f64) -> View {
@@ -120,7 +120,7 @@ fn assert_as_reference(own: &Backend, path: Path) {
                 for look in [
                     settings(rules),
                     Settings {
-                        light: Lighting::Phong(Phong::default()),
+                        light: SurfaceLighting::Phong(Phong::default()),
                         ..settings(rules)
                     },
                     Settings {
@@ -252,7 +252,7 @@ fn a_device_blends_and_reconstructs_as_the_reference_does() {
                 of(SplatKind::Gauss, Shading::Deferred),
                 Settings {
                     blend: Some(Blend::TwoPass),
-                    light: Lighting::Phong(Phong::default()),
+                    light: SurfaceLighting::Phong(Phong::default()),
                     ..of(SplatKind::Disc, Shading::PerSplat)
                 },
             ];
@@ -322,7 +322,7 @@ fn flat_cube() -> Model {
         positions,
         ..Mesh::default()
     };
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// A shallow cone of equal facets with one normal, so that splats alone draw it: 60 at its rim and one in the middle.
@@ -337,7 +337,7 @@ fn fan() -> Model {
         triangles: (0..60).map(|k| [k, (k + 1) % 60, 60]).collect(),
         ..Mesh::default()
     };
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Even splats of every pattern show what the triangles do, by every backend.

@@ -10,7 +10,7 @@ use surfel::image::{Image, compare};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::pack::ColorBy;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Blend, Method, Path, Reconstruction, Settings, Shading, SplatKind};
@@ -44,7 +44,7 @@ fn settings(method: Method, threshold_px: f32, reconstruction: Reconstruction) -
 }
 
 fn build(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 fn engine<'m>(backend: &Backend, model: &'m Model, view: &View) -> Engine<'m> {

@@ -13,7 +13,7 @@ use surfel::image::{FloatImage, Image, compare};
 use surfel::math::camera::View;
 use surfel::pack;
 use surfel::pack::FuzzyList;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::cut_key::cut_settings;
 use surfel::render::engine::{Backend, Engine, style};
@@ -265,7 +265,8 @@ fn flat(backend: &Backend, tally: &mut Tally) {
         mesh.triangles.clear();
         mesh.normals.clear();
         mesh.colors = vec![[200, 150, 100, 255]; mesh.positions.len()];
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent).expect("the tree builds");
+        let model =
+            tree::build(mesh, &BuildOptions::default(), &SilentProgress).expect("the tree builds");
         let mut drawn = engine(backend, &model, size);
         let view = orbit(&model, size, 0.9, 0, 9);
         for kind in [

@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
-use surfel::image::{FloatImage, Picture, compare as differences};
+use surfel::image::{FloatImage, PixelSource, compare as differences};
 use surfel::measure::{PIXELS_PER_DEGREE, flip, ssim};
 
 /// A picture with what is known of its coverage.

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use surfel::cut::SizeMetric;
 use surfel::pack::lit_sphere::LitSphere;
-use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
+use surfel::pack::{ColorBy, Lamp, Phong, SurfaceLighting};
 use surfel::render::{
     AmbientOcclusion, Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings,
     Shading, SplatKind,
@@ -64,12 +64,12 @@ const EYE_DOMES: WordTable<EyeDome> = &[
     ("on", EyeDome::On),
     ("off", EyeDome::Off),
 ];
-const LIGHTS: WordTable<Lighting> = &[
-    ("headlight", Lighting::Headlight),
-    ("studio", Lighting::Sphere(LitSphere::Studio)),
-    ("clay", Lighting::Sphere(LitSphere::Clay)),
-    ("porcelain", Lighting::Sphere(LitSphere::Porcelain)),
-    ("metal", Lighting::Sphere(LitSphere::Metal)),
+const LIGHTS: WordTable<SurfaceLighting> = &[
+    ("headlight", SurfaceLighting::Headlight),
+    ("studio", SurfaceLighting::Sphere(LitSphere::Studio)),
+    ("clay", SurfaceLighting::Sphere(LitSphere::Clay)),
+    ("porcelain", SurfaceLighting::Sphere(LitSphere::Porcelain)),
+    ("metal", SurfaceLighting::Sphere(LitSphere::Metal)),
 ];
 const AMBIENT_OCCLUSIONS: WordTable<AmbientOcclusion> = &[
     ("auto", AmbientOcclusion::Auto),
@@ -124,14 +124,14 @@ fn color(value: &Bound<'_, PyAny>) -> PyResult<[f32; 3]> {
 }
 
 /// A lamp: azimuth and elevation in degrees, as the camera sees it.
-fn lamp(value: &Bound<'_, PyAny>) -> PyResult<Lighting> {
+fn lamp(value: &Bound<'_, PyAny>) -> PyResult<SurfaceLighting> {
     let (azimuth, elevation): (f64, f64) = value.extract()?;
     if !((-360.0..=360.0).contains(&azimuth) && (-90.0..=90.0).contains(&elevation)) {
         return Err(wrong(
             "light_at: an azimuth of -360 to 360 and an elevation of -90 to 90 degrees",
         ));
     }
-    Ok(Lighting::Phong(Phong {
+    Ok(SurfaceLighting::Phong(Phong {
         lamp: Lamp::FromCamera {
             azimuth: azimuth.to_radians(),
             elevation: elevation.to_radians(),

@@ -199,7 +199,7 @@ impl PyRenderer {
         self.draw(py, &camera.camera, samples, look)
     }
 
-    /// Name of the device; "cpu" or "mirror" without one.
+    /// Name of the device; "cpu" or "reference" without one.
     #[getter]
     fn device(&self) -> &str {
         self.backend.name()

@@ -8,9 +8,9 @@ use super::rivals::{self, RayCaster, RivalRenderers};
 use super::verdict::{
     BenchTarget, EQUAL_FLIP, ThresholdOffer, at_equal_flip, at_psnr, most_accurate,
 };
-use super::{BenchCase, BenchFigure, BenchPlace, BenchSession, Error, Plan};
+use super::{BenchCase, BenchError, BenchFigure, BenchPlace, BenchPlan, BenchSession};
 use crate::chart::errors::object_flip;
-use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
+use crate::image::{FloatImage, Image, PictureAccumulator, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::ValueDistribution;
 use crate::progress::Progress;
@@ -45,7 +45,7 @@ impl FoundThreshold {
         }
     }
 
-    fn judge(&mut self, reference: &FloatImage, picture: &Image) -> Result<(), Error> {
+    fn judge(&mut self, reference: &FloatImage, picture: &Image) -> Result<(), BenchError> {
         self.flip.push(object_flip(reference, picture)?[0]);
         let difference = compare(reference, picture, 8.0)?;
         self.psnr_db.push(difference.object.psnr_db);
@@ -80,9 +80,9 @@ impl FoundThreshold {
 pub fn figures(
     session: &BenchSession,
     case: &BenchCase<'_>,
-    plan: &Plan,
+    plan: &BenchPlan,
     progress: &dyn Progress,
-) -> Result<Vec<BenchFigure>, Error> {
+) -> Result<Vec<BenchFigure>, BenchError> {
     let model = case.model;
     let rivals = RivalRenderers::build(model, progress)?;
     let mut figures = Vec::new();
@@ -138,7 +138,7 @@ fn coarse_model(
     model: &Model,
     rivals: &RivalRenderers<'_>,
     view: &View,
-) -> Result<Option<Model>, Error> {
+) -> Result<Option<Model>, BenchError> {
     let errors: Vec<f32> = rivals.chain.iter().map(|l| l.error).collect();
     let level = rivals.chain.get(rivals::level_for(&errors, model, view));
     level.map(|level| rivals::model(model, level)).transpose()
@@ -147,10 +147,10 @@ fn coarse_model(
 /// Errors and times of everything from one distance.
 fn at_distance(
     (engine, coarse, session): (&mut Engine<'_>, &Option<Model>, &BenchSession),
-    (lines, rivals, plan): (&[BenchLine], &RivalRenderers<'_>, &Plan),
+    (lines, rivals, plan): (&[BenchLine], &RivalRenderers<'_>, &BenchPlan),
     views: &[View],
     progress: &dyn Progress,
-) -> Result<Vec<FoundThreshold>, Error> {
+) -> Result<Vec<FoundThreshold>, BenchError> {
     use crate::gpu::Error as E;
     let plain = cases::triangles().settings;
     let mut coarse = match coarse {
@@ -168,7 +168,7 @@ fn at_distance(
     let mut refused = vec![false; lines.len()];
     for view in views {
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(BenchError::Cancelled);
         }
         let reference = match &rivals.caster {
             Some(caster) if plan.has_ray_reference => by_rays(caster.as_ref(), view, plan.grid)?,
@@ -190,7 +190,7 @@ fn at_distance(
         }
         for round in 0..plan.rounds {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(BenchError::Cancelled);
             }
             for ((line, found), refused) in lines.iter().zip(&mut found).zip(&refused) {
                 // Every frame of plain triangles is alike, and slow.
@@ -219,8 +219,8 @@ fn at_distance(
 }
 
 /// The mean of `grid` x `grid` rays a pixel, at the places where [`Engine::supersample`] has its samples.
-fn by_rays(caster: &dyn RayCaster, view: &View, grid: u32) -> Result<FloatImage, Error> {
-    let mut mean = Accumulator::new();
+fn by_rays(caster: &dyn RayCaster, view: &View, grid: u32) -> Result<FloatImage, BenchError> {
+    let mut mean = PictureAccumulator::new();
     for i in 0..grid * grid {
         mean.add(&caster.draw(&jittered(view, i, grid)))?;
     }
@@ -336,7 +336,7 @@ mod tests {
     use super::super::verdict::BenchVerdict;
     use super::*;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{self, BuildOptions};
 
     fn found(name: &str, ms: f64, flip: f64, psnr_db: f64) -> FoundThreshold {
@@ -352,7 +352,12 @@ mod tests {
     #[test]
     fn ahead_behind_and_out_of_reach() {
         let spec = ShapeSpec::with_triangles(GeneratedShape::Square, 2).unwrap();
-        let model = tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap();
+        let model = tree::build(
+            generate::mesh(&spec),
+            &BuildOptions::default(),
+            &SilentProgress,
+        )
+        .unwrap();
         let case = BenchCase {
             name: "square",
             model: &model,

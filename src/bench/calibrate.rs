@@ -13,7 +13,7 @@
 
 mod stand;
 
-use super::Error;
+use super::BenchError;
 use crate::gpu::Gpu;
 use crate::measure::store;
 use crate::render::cost::model::DrawCosts;
@@ -61,7 +61,7 @@ impl CalibrationPart {
         Self::Nodes,
     ];
 
-    /// Those that decide how `settings` are drawn where nobody insists on a path; none where nothing is left to decide.
+    /// Parts that decide how `settings` are drawn where nobody insists on a path; none where nothing is left to decide.
     pub fn of(settings: &Settings) -> &'static [Self] {
         let is_opaque = settings.blend() == Blend::Opaque;
         match settings.splat {
@@ -82,7 +82,7 @@ impl CalibrationPart {
 }
 
 impl CalibrationPart {
-    /// Whether it is open what chooses the cut of these settings.
+    /// Tells whether it is open what chooses the cut of these settings.
     fn asks_nodes(settings: &Settings) -> bool {
         settings.cut_on == CutOn::Auto
             && settings.method == Method::Pop
@@ -104,7 +104,7 @@ pub struct DeviceKey {
 }
 
 impl DeviceKey {
-    /// That of a device and this program.
+    /// Key of a device and this program.
     pub fn of(gpu: &Gpu) -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
@@ -141,7 +141,7 @@ pub struct DeviceCalibration {
 pub struct FoundCalibration {
     /// The calibration.
     pub calibration: DeviceCalibration,
-    /// Its file; `None` where the system has no cache folder.
+    /// File it is kept in; `None` where the system has no cache folder.
     pub file: Option<PathBuf>,
     /// Some of it was measured just now.
     pub is_new: bool,
@@ -160,14 +160,14 @@ const LEAST_UNSTEADY: f64 = 1.3;
 
 /// When a part is given up.
 #[derive(Debug, Clone, Copy)]
-struct Limits {
+struct PartLimits {
     patience: Duration,
     /// [`LEAST_UNSTEADY`]; infinite where somebody asked for it.
     unsteady: f64,
 }
 
 /// Where somebody asked for nothing else.
-const ASKED_FOR: Limits = Limits {
+const ASKED_FOR: PartLimits = PartLimits {
     patience: MORE_PATIENCE,
     unsteady: f64::INFINITY,
 };
@@ -232,7 +232,7 @@ impl DeviceCalibration {
         folder: Option<&File>,
         parts: &[CalibrationPart],
         again: bool,
-    ) -> Result<FoundCalibration, Error> {
+    ) -> Result<FoundCalibration, BenchError> {
         Self::kept_within(gpu, folder, parts, again, ASKED_FOR)
     }
 
@@ -241,8 +241,8 @@ impl DeviceCalibration {
         folder: Option<&File>,
         parts: &[CalibrationPart],
         again: bool,
-        limits: Limits,
-    ) -> Result<FoundCalibration, Error> {
+        limits: PartLimits,
+    ) -> Result<FoundCalibration, BenchError> {
         let key = DeviceKey::of(gpu);
         let file = folder.map(|f| key.path(f));
         let old = folder.and_then(|f| Self::read(f, &key));
@@ -274,7 +274,7 @@ impl DeviceCalibration {
         })
     }
 
-    /// It, and the parts of an older one that it does not have.
+    /// Joins the parts of an older calibration that this one does not have.
     fn and(mut self, old: Option<Self>) -> Self {
         let Some(old) = old else { return self };
         let kept = old.parts.iter().filter(|part| !self.parts.contains(part));
@@ -299,15 +299,15 @@ impl DeviceCalibration {
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
-    pub fn measure(gpu: &Arc<Gpu>, parts: &[CalibrationPart]) -> Result<Self, Error> {
+    pub fn measure(gpu: &Arc<Gpu>, parts: &[CalibrationPart]) -> Result<Self, BenchError> {
         Self::measure_within(gpu, parts, ASKED_FOR)
     }
 
     fn measure_within(
         gpu: &Arc<Gpu>,
         parts: &[CalibrationPart],
-        limits: Limits,
-    ) -> Result<Self, Error> {
+        limits: PartLimits,
+    ) -> Result<Self, BenchError> {
         let start = Instant::now();
         let mut stand = CalibrationStand::new(gpu)?;
         let mut all = DrawCosts::default();
@@ -391,7 +391,7 @@ pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<DrawCosts> {
         let kept = folder.and_then(|f| DeviceCalibration::read(&f, &DeviceKey::of(gpu)));
         return kept.map(|calibration| calibration.costs);
     }
-    let limits = Limits {
+    let limits = PartLimits {
         patience: PATIENCE,
         unsteady: match std::env::var_os(VARIABLE) {
             Some(v) if v == "always" => f64::INFINITY,

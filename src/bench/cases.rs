@@ -12,7 +12,7 @@ use glam::DVec3;
 /// A model of the run.
 #[derive(Debug, Clone, Copy)]
 pub struct BenchCase<'m> {
-    /// Its name.
+    /// Name of the case.
     pub name: &'m str,
     /// The model.
     pub model: &'m Model,
@@ -45,7 +45,7 @@ impl CaseStandard {
         }
     }
 
-    /// Its triangles.
+    /// Number of triangles of the model.
     pub fn triangles(self) -> u64 {
         match self {
             Self::Sphere => 1_000_000,
@@ -72,7 +72,7 @@ impl BenchCase<'_> {
         CaseStandard::of(self.name, self.model.triangles.len() as u64)
     }
 
-    /// It, in pictures of a size at a distance.
+    /// Place of the case in pictures of a size at a distance.
     pub fn place(&self, size: (u32, u32), fill: f64) -> BenchPlace {
         BenchPlace {
             model: self.name.to_owned(),
@@ -112,11 +112,11 @@ impl BenchCase<'_> {
 /// One way to draw.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BenchLine {
-    /// Its name in tables.
+    /// Name of the line in tables.
     pub name: String,
     /// How.
     pub settings: Settings,
-    /// It is slow and always the same: drawn from every third view only, where there are many.
+    /// Slow and always the same: drawn from every third view only, where there are many.
     pub is_rare: bool,
 }
 
@@ -220,7 +220,7 @@ pub fn cut_on_device(threshold_px: f32) -> BenchLine {
     }
 }
 
-/// `pop` with squares that the rasterizer draws, from draw lists of numbers and of records.
+/// `pop` with squares that the rasterizer draws, from draw lists of ids and of records.
 pub fn lists(threshold_px: f32) -> [BenchLine; 2] {
     [("ids", ListOf::Ids), ("records", ListOf::Records)].map(|(word, list_of)| BenchLine {
         name: format!("pop square by raster, lists of {word}, {threshold_px} px"),
@@ -252,7 +252,7 @@ const fn tolerances(rim_px: f32, inside_px: f32, shade_levels: f32) -> ErrorTole
 
 /// How much is measured.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct BenchPlan {
     /// Views of the standard orbit at each distance.
     pub views: u32,
     /// Sizes of the pictures; [`SIZE`] first, the others get every third view.
@@ -275,7 +275,7 @@ pub struct Plan {
     pub rounds: usize,
 }
 
-impl Plan {
+impl BenchPlan {
     /// 36 views, two sizes, three distances: less than ten minutes on two cores and a software device.
     pub fn full() -> Self {
         Self {
@@ -357,7 +357,7 @@ pub fn views(
     size: (u32, u32),
     fill: f64,
     count: u32,
-) -> Result<Vec<View>, crate::math::camera::Error> {
+) -> Result<Vec<View>, crate::math::camera::CameraError> {
     (0..count)
         .map(|k| orbit(model, size, fill, k, count))
         .collect()
@@ -367,7 +367,10 @@ pub fn views(
 ///
 /// # Errors
 /// When the model has no size that a camera can show.
-pub fn empty_view(model: &Model, size: (u32, u32)) -> Result<View, crate::math::camera::Error> {
+pub fn empty_view(
+    model: &Model,
+    size: (u32, u32),
+) -> Result<View, crate::math::camera::CameraError> {
     let OrbitSphere { center, radius } = model.orbit_sphere();
     let radius = radius.max(f64::MIN_POSITIVE);
     let eye = center + 3.0 * radius * DVec3::Z;
@@ -405,7 +408,7 @@ mod tests {
 
     #[test]
     fn lines_have_names_of_their_own_and_begin_with_triangles() {
-        for plan in [Plan::full(), Plan::quick()] {
+        for plan in [BenchPlan::full(), BenchPlan::quick()] {
             let mut names: Vec<String> = plan.lines().into_iter().map(|l| l.name).collect();
             assert_eq!(names[0], "triangles");
             assert!(names.contains(&"default, 1 px".to_owned()), "{names:?}");

@@ -2,7 +2,7 @@
 
 use super::cases::{self, SIZE, views};
 use super::verdict::BenchTarget;
-use super::{BenchCase, BenchFigure, BenchSession, Error, Plan};
+use super::{BenchCase, BenchError, BenchFigure, BenchPlan, BenchSession};
 use crate::cut::{Cut, CutSelector};
 use crate::progress::Progress;
 use crate::render::Settings;
@@ -26,9 +26,9 @@ fn ms(work: impl FnOnce()) -> f64 {
 pub fn figures(
     session: &BenchSession,
     case: &BenchCase<'_>,
-    plan: &Plan,
+    plan: &BenchPlan,
     progress: &dyn Progress,
-) -> Result<Vec<BenchFigure>, Error> {
+) -> Result<Vec<BenchFigure>, BenchError> {
     let model = case.model;
     let views = views(model, SIZE, 1.0, plan.views.clamp(1, 12))?;
     let place = case.place(SIZE, 1.0);
@@ -47,7 +47,7 @@ pub fn figures(
         for round in 0..=2 {
             for view in &views {
                 if progress.is_cancelled() {
-                    return Err(Error::Cancelled);
+                    return Err(BenchError::Cancelled);
                 }
                 let settings = cut_settings(&resolve_settings(&settings, model, view), model);
                 for (selector, rates) in selectors.iter_mut().zip(&mut rates) {
@@ -83,10 +83,10 @@ pub fn figures(
 fn still(
     session: &BenchSession,
     case: &BenchCase<'_>,
-    plan: &Plan,
+    plan: &BenchPlan,
     figures: &mut Vec<BenchFigure>,
     progress: &dyn Progress,
-) -> Result<(), Error> {
+) -> Result<(), BenchError> {
     let (model, line) = (case.model, cases::default(1.0));
     let place = case.place(SIZE, 1.0);
     let view = views(model, SIZE, 1.0, plan.views.max(1))?[0];
@@ -98,7 +98,7 @@ fn still(
     for round in 0..2 * plan.rounds + 2 {
         for (keeps, (lists_ms, frame_ms)) in [true, false].into_iter().zip(&mut found) {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(BenchError::Cancelled);
             }
             engine.keep_lists(keeps);
             let times = engine.draw(&view, &line.settings)?;
@@ -126,13 +126,13 @@ fn still(
 }
 
 /// A camera that goes around the model: its cut from the root, and from the front of the last frame
-/// ([`Traversal::Coherent`](crate::render::Traversal::Coherent)), without what the search for hidden splats takes.
+/// ([`CutTraversal::Coherent`](crate::render::CutTraversal::Coherent)), without what the search for hidden splats takes.
 fn moving(
     case: &BenchCase<'_>,
-    plan: &Plan,
+    plan: &BenchPlan,
     figures: &mut Vec<BenchFigure>,
     progress: &dyn Progress,
-) -> Result<(), Error> {
+) -> Result<(), BenchError> {
     let (model, line) = (case.model, cases::default(1.0));
     let place = case.place(SIZE, 1.0);
     for degrees in [0.02, 0.1, 0.5] {
@@ -147,7 +147,7 @@ fn moving(
         // The first frames find the front.
         for frame in 0..=plan.rounds + 3 {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(BenchError::Cancelled);
             }
             let azimuth = f64::to_radians(20.0 + degrees * frame as f64);
             let camera = model.orbit_camera(SIZE, azimuth, f64::to_radians(20.0), 1.0);

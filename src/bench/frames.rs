@@ -2,7 +2,7 @@
 
 use super::cases::{BenchLine, SIZE, views};
 use super::verdict::BenchTarget;
-use super::{BenchCase, BenchFigure, BenchPlace, BenchSession, Error, Plan};
+use super::{BenchCase, BenchError, BenchFigure, BenchPlace, BenchPlan, BenchSession};
 use crate::math::camera::View;
 use crate::measure::ValueDistribution;
 use crate::measure::frames::{pass_ms, pass_names};
@@ -79,9 +79,9 @@ pub fn roofs(
 pub fn figures(
     session: &BenchSession,
     case: &BenchCase<'_>,
-    plan: &Plan,
+    plan: &BenchPlan,
     progress: &dyn Progress,
-) -> Result<Vec<BenchFigure>, Error> {
+) -> Result<Vec<BenchFigure>, BenchError> {
     let lines = plan.lines();
     let mut figures = Vec::new();
     let mut slowest: Option<(f64, String)> = None;
@@ -158,7 +158,7 @@ fn draw(
     views: &[View],
     is_full: bool,
     progress: &dyn Progress,
-) -> Result<(Vec<BenchFrames>, Vec<(usize, String)>), Error> {
+) -> Result<(Vec<BenchFrames>, Vec<(usize, String)>), BenchError> {
     use crate::gpu::Error as E;
     let mut drawn: Vec<BenchFrames> = vec![Vec::new(); lines.len()];
     let mut refused: Vec<(usize, String)> = Vec::new();
@@ -167,7 +167,7 @@ fn draw(
     for (round, view) in std::iter::once(&views[0]).chain(views).enumerate() {
         for &i in &order {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(BenchError::Cancelled);
             }
             let is_skipped = round > 0 && !(round - 1).is_multiple_of(rarity(views.len()));
             if (lines[i].is_rare || !is_full) && is_skipped || refused.iter().any(|r| r.0 == i) {
@@ -252,7 +252,7 @@ mod tests {
 
     use super::*;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::render::PictureOutputs;
     use crate::render::engine::Backend;
     use crate::tree::{self, BuildOptions};
@@ -282,7 +282,7 @@ mod tests {
     fn what_is_rare_is_drawn_from_each_of_few_views() {
         let spec = ShapeSpec::with_triangles(GeneratedShape::Sphere, 1000).unwrap();
         let options = BuildOptions::default();
-        let model = tree::build(generate::mesh(&spec), &options, &Silent).unwrap();
+        let model = tree::build(generate::mesh(&spec), &options, &SilentProgress).unwrap();
         let size = (20, 20);
         let mut engine =
             Engine::new(&Backend::Mirror, &model, size, PictureOutputs::default()).unwrap();
@@ -294,7 +294,7 @@ mod tests {
         let lines = [line(true), line(false)];
         let mut seen = |count, is_full| {
             let views = views(&model, size, 1.0, count).unwrap();
-            let (drawn, _) = draw(&mut engine, &lines, &views, is_full, &Silent).unwrap();
+            let (drawn, _) = draw(&mut engine, &lines, &views, is_full, &SilentProgress).unwrap();
             let of = |frames: &BenchFrames| frames.iter().map(|frame| frame.0).collect::<Vec<_>>();
             [of(&drawn[0]), of(&drawn[1])]
         };

@@ -2,7 +2,7 @@
 
 use super::cases::{self, SIZE, views};
 use super::verdict::BenchTarget;
-use super::{BenchCase, BenchFigure, BenchSession, Error};
+use super::{BenchCase, BenchError, BenchFigure, BenchSession};
 use crate::measure::ValueDistribution;
 use crate::progress::Progress;
 use crate::render::stats::FrameTimes;
@@ -22,7 +22,7 @@ pub fn figures(
     models: &[BenchCase<'_>],
     rounds: usize,
     progress: &dyn Progress,
-) -> Result<Vec<BenchFigure>, Error> {
+) -> Result<Vec<BenchFigure>, BenchError> {
     let line = cases::default(1.0);
     let mut stands = Vec::new();
     for case in models {
@@ -34,7 +34,7 @@ pub fn figures(
     for round in 0..=rounds {
         for (_, engine, view, frames) in &mut stands {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(BenchError::Cancelled);
             }
             let times = engine.draw(view, &line.settings)?;
             if round > 0 {

@@ -1,7 +1,7 @@
 //! How much memory is free, and what a generated model takes, so that one that does not fit is refused by name instead of
 //! ending the program.
 
-use super::Error;
+use super::BenchError;
 
 /// Bytes that a generated statue takes at most while its tree is built and it is drawn on a software device, a triangle: 66
 /// of tree and mesh in tree order, 24 of the mesh before that or what building needs, 10 of vertices on the device. (The
@@ -38,10 +38,10 @@ fn meminfo(text: &str) -> Option<u64> {
 /// Refuses a model for which too little memory is free. Where the system does not tell, it is tried.
 ///
 /// # Errors
-/// [`Error::Memory`].
-pub fn require(model: &str, triangles: u64, available: Option<u64>) -> Result<(), Error> {
+/// [`BenchError::Memory`].
+pub fn require(model: &str, triangles: u64, available: Option<u64>) -> Result<(), BenchError> {
     match available {
-        Some(available) if available < needed(triangles) => Err(Error::Memory {
+        Some(available) if available < needed(triangles) => Err(BenchError::Memory {
             model: model.to_owned(),
             needed: needed(triangles),
             available,
@@ -63,7 +63,7 @@ mod tests {
         assert!(
             matches!(
                 &error,
-                Err(Error::Memory {
+                Err(BenchError::Memory {
                     needed: 6_400_000_000,
                     ..
                 })

@@ -21,7 +21,7 @@ pub mod report;
 pub mod rivals;
 pub mod verdict;
 
-pub use cases::{BenchCase, BenchLine, Plan};
+pub use cases::{BenchCase, BenchLine, BenchPlan};
 pub use report::{BenchFigure, BenchPlace, RunFacts};
 
 use crate::gpu::Gpu;
@@ -36,7 +36,7 @@ use std::sync::Arc;
 /// Why something could not be measured.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum BenchError {
     /// The device could not do what was asked.
     #[error(transparent)]
     Gpu(#[from] crate::gpu::Error),
@@ -45,10 +45,10 @@ pub enum Error {
     Image(#[from] crate::image::Error),
     /// The model has no camera that shows it.
     #[error(transparent)]
-    Camera(#[from] crate::math::camera::Error),
+    Camera(#[from] crate::math::camera::CameraError),
     /// A model could not be generated.
     #[error(transparent)]
-    Generate(#[from] crate::generate::Error),
+    Generate(#[from] crate::generate::GenerateError),
     /// A tree could not be built.
     #[error(transparent)]
     Tree(#[from] crate::tree::Error),
@@ -87,7 +87,7 @@ pub fn threads() -> usize {
 pub struct BenchSession {
     /// The device.
     pub backend: Backend,
-    /// Its calibration, measured anew for this run.
+    /// Calibration of the device, measured anew for this run.
     pub found: FoundCalibration,
     /// How fast bytes move.
     pub bandwidth: MemoryBandwidth,
@@ -98,7 +98,7 @@ impl BenchSession {
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
-    pub fn open(gpu: &Arc<Gpu>, folder: Option<&Path>) -> Result<Self, Error> {
+    pub fn open(gpu: &Arc<Gpu>, folder: Option<&Path>) -> Result<Self, BenchError> {
         Ok(Self {
             backend: Backend::Device(gpu.clone()),
             found: DeviceCalibration::kept(gpu, folder, &CalibrationPart::ALL, true)?,
@@ -106,7 +106,7 @@ impl BenchSession {
         })
     }
 
-    /// Whether the device is the processor itself.
+    /// Tells whether the device is the processor itself.
     pub fn is_software(&self) -> bool {
         self.backend.device().is_some_and(|gpu| gpu.info().is_cpu())
     }
@@ -115,7 +115,7 @@ impl BenchSession {
     ///
     /// # Errors
     /// As [`Engine::new`].
-    pub fn engine<'m>(&self, model: &'m Model, size: (u32, u32)) -> Result<Engine<'m>, Error> {
+    pub fn engine<'m>(&self, model: &'m Model, size: (u32, u32)) -> Result<Engine<'m>, BenchError> {
         let mut engine = Engine::new(&self.backend, model, size, PictureOutputs::default())?;
         engine.set_costs(Some(self.found.calibration.costs));
         Ok(engine)

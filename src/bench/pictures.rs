@@ -8,7 +8,7 @@
 
 use super::cases::{self, SIZE, views};
 use super::verdict::BenchTarget;
-use super::{BenchCase, BenchFigure, BenchPlace, BenchSession, Error, Plan};
+use super::{BenchCase, BenchError, BenchFigure, BenchPlace, BenchPlan, BenchSession};
 use crate::chart::errors::object_flip;
 use crate::math::camera::{Camera, View};
 use crate::mesh::Mesh;
@@ -72,7 +72,7 @@ impl FoundPictures {
         engine: &mut Engine<'_>,
         view: &View,
         settings: &JudgedSettings,
-    ) -> Result<(), Error> {
+    ) -> Result<(), BenchError> {
         let JudgedSettings { smooth, plain } = settings;
         // As a file holds it: bytes, like the pictures that are compared with it.
         let reference = engine.mean_of_even(view, plain)?.to_image();
@@ -111,9 +111,9 @@ impl FoundPictures {
 pub fn figures(
     session: &BenchSession,
     case: &BenchCase<'_>,
-    plan: &Plan,
+    plan: &BenchPlan,
     progress: &dyn Progress,
-) -> Result<Vec<BenchFigure>, Error> {
+) -> Result<Vec<BenchFigure>, BenchError> {
     let mut engine = session.engine(case.model, SIZE)?;
     let settings = JudgedSettings::of(case.model);
     let all = plan.fills.len() as u64 * u64::from(plan.error_views);
@@ -123,7 +123,7 @@ pub fn figures(
         let mut found = FoundPictures::default();
         for view in &views(case.model, SIZE, fill, plan.error_views.max(1))? {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(BenchError::Cancelled);
             }
             found.add(&mut engine, view, &settings)?;
             progress.advance(1);
@@ -141,7 +141,7 @@ pub fn figures_of_scene(
     session: &BenchSession,
     case: &BenchCase<'_>,
     camera: &Camera,
-) -> Result<Vec<BenchFigure>, Error> {
+) -> Result<Vec<BenchFigure>, BenchError> {
     let size = (camera.width, camera.height);
     let mut engine = session.engine(case.model, size)?;
     let mut found = FoundPictures::default();
@@ -159,7 +159,7 @@ const BLADE: (f32, f32) = (129.0, 0.6);
 ///
 /// # Errors
 /// Errors of building the tree.
-pub fn blade(progress: &dyn Progress) -> Result<(Model, Camera), Error> {
+pub fn blade(progress: &dyn Progress) -> Result<(Model, Camera), BenchError> {
     let (side, thickness) = BLADE;
     let half = Vec3::new(thickness, side, side) / 2.0;
     let corner = |i: u32| {

@@ -3,7 +3,7 @@
 use super::calibrate::split;
 use super::cases::{self, SIZE, empty_view, views};
 use super::verdict::BenchTarget;
-use super::{BenchCase, BenchFigure, BenchPlace, BenchSession, Error, Plan};
+use super::{BenchCase, BenchError, BenchFigure, BenchPlace, BenchPlan, BenchSession};
 use crate::gpu::Gpu;
 use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::frame::FrameRing;
@@ -39,7 +39,7 @@ impl MemoryBandwidth {
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
-    pub fn measure(gpu: &Arc<Gpu>) -> Result<Self, Error> {
+    pub fn measure(gpu: &Arc<Gpu>) -> Result<Self, BenchError> {
         let source = vec![1u8; MOVED];
         let mut target = vec![0u8; MOVED];
         let mut host = f64::INFINITY;
@@ -194,9 +194,9 @@ pub fn triangles(costs: &DrawCosts) -> Vec<(&'static str, &TriangleCosts)> {
 pub fn figures(
     session: &BenchSession,
     case: &BenchCase<'_>,
-    plan: &Plan,
+    plan: &BenchPlan,
     progress: &dyn Progress,
-) -> Result<Vec<BenchFigure>, Error> {
+) -> Result<Vec<BenchFigure>, BenchError> {
     use crate::gpu::Error as E;
     let view = views(case.model, SIZE, 1.0, plan.views.max(1))?[0];
     let place = case.place(SIZE, 1.0);
@@ -261,7 +261,7 @@ pub fn figures(
     for round in 0..=plan.rounds {
         for ((_, line, _), found) in lines.iter().zip(&mut frames) {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(BenchError::Cancelled);
             }
             let Ok(list) = found else { continue };
             match engine.draw(&view, &line.settings) {
@@ -339,16 +339,16 @@ fn floor(
     session: &BenchSession,
     case: &BenchCase<'_>,
     engine: &mut Engine<'_>,
-    plan: &Plan,
+    plan: &BenchPlan,
     figures: &mut Vec<BenchFigure>,
     progress: &dyn Progress,
-) -> Result<(), Error> {
+) -> Result<(), BenchError> {
     let place = case.place(SIZE, 0.0);
-    let mut take = |line: &str, settings, view| -> Result<(), Error> {
+    let mut take = |line: &str, settings, view| -> Result<(), BenchError> {
         let mut frames = Vec::new();
         for round in 0..=plan.rounds {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(BenchError::Cancelled);
             }
             match engine.draw(view, settings) {
                 Ok(times) if round > 0 => frames.push(times),

@@ -9,7 +9,7 @@ use std::fmt::Write;
 pub struct BenchPlace {
     /// The model; empty for what concerns the device alone.
     pub model: String,
-    /// Its triangles.
+    /// Number of triangles of the model.
     pub triangles: u64,
     /// Width and height of the picture, pixels; 0 where there is none.
     pub size: (u32, u32),
@@ -32,7 +32,7 @@ pub struct BenchFigure {
     pub value: f64,
     /// 5th and 95th percentile of the frames or rounds behind it; NaN where it is one value.
     pub spread: [f64; 2],
-    /// Its unit.
+    /// Unit of the figure.
     pub unit: &'static str,
     /// How many frames or rounds are behind it.
     pub samples: usize,
@@ -138,7 +138,7 @@ impl BenchFigure {
         self
     }
 
-    /// Whether it reaches its target.
+    /// Tells whether it reaches its target.
     pub fn verdict(&self) -> BenchVerdict {
         BenchVerdict::of(self.value, self.target)
     }
@@ -153,7 +153,7 @@ pub struct RunFacts {
     pub commit: String,
     /// The device.
     pub device: String,
-    /// Its driver.
+    /// Driver of the device.
     pub driver: String,
     /// Threads that the machine runs at once.
     pub threads: usize,

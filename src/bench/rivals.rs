@@ -8,7 +8,7 @@ mod chain;
 #[cfg(feature = "rivals")]
 mod rays;
 
-use super::Error;
+use super::BenchError;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::progress::Progress;
@@ -51,7 +51,7 @@ impl<'m> RivalRenderers<'m> {
     /// # Errors
     /// When a crate fails, or `progress` is cancelled.
     #[cfg(feature = "rivals")]
-    pub fn build(model: &'m Model, progress: &dyn Progress) -> Result<Self, Error> {
+    pub fn build(model: &'m Model, progress: &dyn Progress) -> Result<Self, BenchError> {
         use std::time::Instant;
         progress.stage("ray caster", 0);
         let start = Instant::now();
@@ -72,7 +72,7 @@ impl<'m> RivalRenderers<'m> {
     /// # Errors
     /// None.
     #[cfg(not(feature = "rivals"))]
-    pub fn build(_model: &'m Model, _progress: &dyn Progress) -> Result<Self, Error> {
+    pub fn build(_model: &'m Model, _progress: &dyn Progress) -> Result<Self, BenchError> {
         Ok(Self {
             caster: None,
             caster_build_ms: f64::NAN,
@@ -86,11 +86,11 @@ impl<'m> RivalRenderers<'m> {
 ///
 /// # Errors
 /// When its tree cannot be built; always in a build without the feature `rivals`.
-pub fn model(of: &Model, level: &RivalLevel) -> Result<Model, Error> {
+pub fn model(of: &Model, level: &RivalLevel) -> Result<Model, BenchError> {
     #[cfg(feature = "rivals")]
     return chain::model(of, level);
     #[cfg(not(feature = "rivals"))]
-    Err(Error::Rival {
+    Err(BenchError::Rival {
         name: "simplified meshes",
         cause: format!(
             "{} of {} triangles: this build is without the feature rivals",
@@ -119,12 +119,17 @@ mod tests {
     use super::*;
     use crate::chart::run::orbit;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{self, BuildOptions};
 
     fn statue() -> Model {
         let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 20_000).unwrap();
-        tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap()
+        tree::build(
+            generate::mesh(&spec),
+            &BuildOptions::default(),
+            &SilentProgress,
+        )
+        .unwrap()
     }
 
     #[test]
@@ -159,7 +164,7 @@ mod tests {
             engine.render(&view, settings).unwrap()
         };
         let picture = draw(&model, &settings);
-        let rivals = RivalRenderers::build(&model, &Silent).unwrap();
+        let rivals = RivalRenderers::build(&model, &SilentProgress).unwrap();
         let rays = rivals.caster.as_ref().unwrap().draw(&view);
         let off = compare(&picture, &rays, 8.0).unwrap();
         // Corners are snapped to 1/256 pixel by one and not by the other: single pixels on edges.

@@ -10,7 +10,7 @@ pub enum BenchTarget {
 }
 
 impl BenchTarget {
-    /// Whether a value keeps it; NaN never does.
+    /// Tells whether a value keeps it; NaN never does.
     pub fn is_met(self, value: f64) -> bool {
         match self {
             Self::AtMost(bound) => value <= bound,
@@ -45,13 +45,13 @@ impl std::fmt::Display for BenchTarget {
 /// What came of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BenchVerdict {
-    /// It has no target.
+    /// The figure has no target.
     None,
-    /// It keeps its target.
+    /// The figure keeps its target.
     Pass,
-    /// It does not.
+    /// The figure misses its target.
     Miss,
-    /// It was not measured, or what it needs is not there.
+    /// The figure was not measured, or something that it needs is not there.
     Absent,
 }
 
@@ -107,7 +107,7 @@ impl VerdictTally {
 /// A way to draw: what it costs and how far it is off.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ThresholdOffer {
-    /// Its name.
+    /// Name of the figure.
     pub name: String,
     /// A frame, milliseconds.
     pub frame_ms: f64,

@@ -35,7 +35,7 @@ pub struct ReferenceAgreement {
     pub fill: f64,
     /// How many ratios there are in both.
     pub compared: usize,
-    /// Those that are farther apart than [`LARGEST_FACTOR`], the worst first.
+    /// Ratios that are farther apart than [`LARGEST_FACTOR`], the worst first.
     pub off: Vec<CountRatio>,
     /// Median over the choices (without triangles) of the second speed over the first. Far from 1 it is the time of
     /// triangles that differs, and with it every ratio.
@@ -51,7 +51,7 @@ pub struct ReferenceAgreement {
 }
 
 impl ReferenceAgreement {
-    /// Whether the two say the same.
+    /// Tells whether the two say the same.
     pub fn is_kept(&self) -> bool {
         self.off.is_empty()
             && self.other_errors.is_empty()
@@ -70,7 +70,7 @@ fn unit(panel: &SummaryPanel, other: &SummaryPanel) -> Option<f64> {
         .map(|p| p.frame.median)
 }
 
-/// Whether a point of a chart is beaten by another, by more than what is a tie.
+/// Tells whether a point of a chart is beaten by another, by more than what is a tie.
 fn is_beaten(panel: &SummaryPanel, point: &SummaryPoint) -> bool {
     panel.points.iter().any(|other| {
         other.frame.median * LARGEST_FACTOR < point.frame.median

@@ -7,7 +7,7 @@
 //! again.
 
 use super::run::{ChartBench, orbit};
-use super::{DrawConfiguration, Error, Plan};
+use super::{ChartError, ChartPlan, DrawConfiguration};
 use crate::math::camera::View;
 use crate::measure::{ValueDistribution, store};
 use crate::progress::Progress;
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 /// What is asked for. With neither, the most accurate is chosen.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Bounds {
+pub struct ChoiceBounds {
     /// Largest mean FLIP over the picture.
     pub max_error: Option<f64>,
     /// Longest frame, milliseconds.
@@ -54,7 +54,7 @@ struct CalibrationEntry {
     frame_ms: f64,
     /// Mean FLIP of each view.
     flip: Vec<f64>,
-    /// That of each held view.
+    /// Mean FLIP of each held view.
     held: Vec<f64>,
 }
 
@@ -87,7 +87,7 @@ pub struct ChosenConfiguration {
     pub is_met: bool,
     /// Largest mean FLIP of the calibrated views.
     pub flip: f64,
-    /// Its frame there, milliseconds.
+    /// Time of its frame there, milliseconds.
     pub frame_ms: f64,
     /// Held views above the bound, and all of them; `None` without a bound on the error.
     pub misses: Option<[usize; 2]>,
@@ -102,7 +102,7 @@ const HELD: u32 = 2;
 const SLACK: f64 = 0.9;
 
 impl CalibrationKey {
-    /// That of a model on a device, in pictures of one size.
+    /// Key of a model on a device, in pictures of one size.
     pub fn of(backend: &Backend, model: &Model, (width, height): (u32, u32)) -> Self {
         let primitives = model.tree.leaves.len().max(1);
         Self {
@@ -148,7 +148,7 @@ impl ChartCalibration {
     ///
     /// # Errors
     /// When the folder cannot be made or the file not be written.
-    pub fn write(&self, folder: &Path) -> Result<(), Error> {
+    pub fn write(&self, folder: &Path) -> Result<(), ChartError> {
         Ok(store::write(&self.key.path(folder), self)?)
     }
 
@@ -163,12 +163,12 @@ impl ChartCalibration {
         name: &str,
         (size, costs): ((u32, u32), Option<DrawCosts>),
         progress: &dyn Progress,
-    ) -> Result<Self, Error> {
-        let plan = Plan {
+    ) -> Result<Self, ChartError> {
+        let plan = ChartPlan {
             size,
             views: VIEWS,
             repeats: 3,
-            ..Plan::quick()
+            ..ChartPlan::quick()
         };
         let choices = plan.choices(model, backend);
         let mut bench = ChartBench::new(backend, model, size)?;
@@ -206,7 +206,7 @@ impl ChartCalibration {
                 let reference = bench.reference(&view, plan.grid, progress)?;
                 for (entry, choice) in found.iter_mut().zip(&choices) {
                     if progress.is_cancelled() {
-                        return Err(Error::Cancelled);
+                        return Err(ChartError::Cancelled);
                     }
                     progress.advance(1);
                     let Some(some) = entry else { continue };
@@ -266,7 +266,7 @@ impl ChartCalibration {
     /// Chooses for a picture in which the bounding sphere fills `fill`: of what keeps all bounds at the calibrated
     /// distances around it the cheapest (by frame alone: the most accurate). Where nothing keeps them, the most accurate
     /// that is fast enough, or else the fastest. `None` of an empty calibration.
-    pub fn choose(&self, bounds: &Bounds, fill: f64) -> Option<ChosenConfiguration> {
+    pub fn choose(&self, bounds: &ChoiceBounds, fill: f64) -> Option<ChosenConfiguration> {
         let fills = self.fills_around(fill);
         let mut candidates: Vec<ChosenConfiguration> = Vec::new();
         for entry in self.entries.iter().filter(|e| fills.contains(&e.fill)) {
@@ -359,7 +359,7 @@ mod tests {
     use super::super::AvailablePaths;
     use super::*;
     use crate::generate::{GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree;
 
     fn model() -> Model {
@@ -367,7 +367,7 @@ mod tests {
         tree::build(
             crate::generate::mesh(&spec),
             &tree::BuildOptions::default(),
-            &Silent,
+            &SilentProgress,
         )
         .unwrap()
     }
@@ -408,7 +408,7 @@ mod tests {
         let few = DrawConfiguration::few(false, AvailablePaths::NONE);
         let choose = |max_error, frame_ms, fill| {
             c.choose(
-                &Bounds {
+                &ChoiceBounds {
                     max_error,
                     frame_ms,
                 },
@@ -478,11 +478,17 @@ mod tests {
             let found = fill_of(&model, &camera.view(model.origin).unwrap());
             assert!((found - fill).abs() < 1e-4, "{found} {fill}");
         }
-        let c = ChartCalibration::measure(&Backend::Mirror, &model, "m", ((40, 40), None), &Silent)
-            .unwrap();
+        let c = ChartCalibration::measure(
+            &Backend::Mirror,
+            &model,
+            "m",
+            ((40, 40), None),
+            &SilentProgress,
+        )
+        .unwrap();
         let found = c
             .choose(
-                &Bounds {
+                &ChoiceBounds {
                     max_error: Some(1.0),
                     frame_ms: None,
                 },

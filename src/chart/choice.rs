@@ -124,7 +124,7 @@ impl DrawConfiguration {
         }
     }
 
-    /// Whether compute shaders can draw it on a device that has what they need.
+    /// Tells whether compute shaders can draw it on a device that has what they need.
     fn has_twin(&self) -> bool {
         match (self.method, self.splat) {
             _ if self.source != RecordSource::Tree => false,

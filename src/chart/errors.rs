@@ -1,6 +1,6 @@
 //! How far one picture is from the reference: every measure at once.
 
-use crate::image::{Error, FloatImage, Image, Picture, compare};
+use crate::image::{Error, FloatImage, Image, PixelSource, compare};
 use crate::math::camera::View;
 use crate::measure::{
     CoverageErrors, PIXELS_PER_DEGREE, PictureTile, SampleSpread, coverage, depth_error, flip,
@@ -48,7 +48,7 @@ pub struct PictureErrors {
 
 /// Columns and rows that hold every pixel that is covered in either picture, `margin` pixels wider on each side, within
 /// the picture; `None` when nothing is covered.
-pub fn object_box(a: &impl Picture, b: &impl Picture, margin: u32) -> Option<PictureTile> {
+pub fn object_box(a: &impl PixelSource, b: &impl PixelSource, margin: u32) -> Option<PictureTile> {
     let [width, height] = a.size();
     let (mut left, mut right, mut top, mut bottom) = (u32::MAX, 0, u32::MAX, 0);
     for y in 0..height {
@@ -74,7 +74,7 @@ pub fn object_box(a: &impl Picture, b: &impl Picture, margin: u32) -> Option<Pic
 }
 
 /// The part of a picture under a tile, in floats.
-fn part(picture: &impl Picture, tile: &PictureTile) -> FloatImage {
+fn part(picture: &impl PixelSource, tile: &PictureTile) -> FloatImage {
     let width = picture.size()[0] as usize;
     let mut color = Vec::with_capacity(tile.width as usize * tile.height as usize);
     for y in tile.y..tile.y + tile.height {
@@ -97,8 +97,8 @@ fn part(picture: &impl Picture, tile: &PictureTile) -> FloatImage {
 /// Mean FLIP over the picture and over object pixels. The background is the same in both, so only what lies around the
 /// object is looked at: farther out than its filters reach, FLIP is 0.
 pub(crate) fn object_flip(
-    reference: &(impl Picture + Sync),
-    picture: &(impl Picture + Sync),
+    reference: &(impl PixelSource + Sync),
+    picture: &(impl PixelSource + Sync),
 ) -> Result<[f64; 2], Error> {
     // As in `measure::flip`: its filters reach less than a third of a degree, and two pixels for their rounding.
     let margin = (PIXELS_PER_DEGREE / 3.0).ceil() as u32 + 2;

@@ -1,6 +1,6 @@
 //! Speed against accuracy: every choice of method, splat, path and threshold is a point with a time and an error.
 //!
-//! [`run::block`] measures the choices of a [`Plan`] from one view: errors against a supersampled reference, times in
+//! [`run::block`] measures the choices of a [`ChartPlan`] from one view: errors against a supersampled reference, times in
 //! turn with each other. Each gives a [`ChartRow`]; [`summary::summarize`] makes points of the rows of all views and finds
 //! the [`frontier()`]; [`plot::svg`] draws it and [`page::html`] shows it with its pictures. [`agree::agreement`] says
 //! whether two charts say the same.
@@ -21,14 +21,14 @@ pub mod summary;
 pub use choice::{AvailablePaths, DrawConfiguration, RecordSource};
 pub use frontier::frontier;
 pub use row::{ChartRow, read_rows, write_rows};
-pub use run::Plan;
+pub use run::ChartPlan;
 
 use std::path::PathBuf;
 
 /// Why a chart could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum ChartError {
     /// The device could not do what was asked.
     #[error(transparent)]
     Gpu(#[from] crate::gpu::Error),
@@ -37,7 +37,7 @@ pub enum Error {
     Image(#[from] crate::image::Error),
     /// The model has no camera that shows it.
     #[error(transparent)]
-    Camera(#[from] crate::math::camera::Error),
+    Camera(#[from] crate::math::camera::CameraError),
     /// A file of rows is not one, or is damaged.
     #[error("{path}, line {line}: {cause}")]
     Rows {

@@ -1,6 +1,6 @@
 //! The page that shows a chart with its pictures: one file, without anything from a network.
 
-use super::Error;
+use super::ChartError;
 use super::errors::{TILE_PX, object_box};
 use super::plot::{METRICS, escaped, svg};
 use super::summary::{SummaryPanel, SummaryPoint};
@@ -12,7 +12,7 @@ use std::fmt::Write;
 
 /// The picture of a point, from the first view.
 #[derive(Debug, Clone)]
-pub struct Shot {
+pub struct PointShot {
     /// Index of its panel.
     pub panel: usize,
     /// Index of its point in the panel.
@@ -88,7 +88,7 @@ pub fn panel_facts(panel: &SummaryPanel) -> Value {
 }
 
 /// The color as an opaque RGB PNG in memory, as small as the format makes it.
-fn png_bytes(picture: &Image) -> Result<Vec<u8>, Error> {
+fn png_bytes(picture: &Image) -> Result<Vec<u8>, ChartError> {
     use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
     use ::image::{ExtendedColorType, ImageEncoder};
     let rgb: Vec<u8> = picture
@@ -104,7 +104,7 @@ fn png_bytes(picture: &Image) -> Result<Vec<u8>, Error> {
     Ok(bytes)
 }
 
-fn data_url(image: &Image) -> Result<String, Error> {
+fn data_url(image: &Image) -> Result<String, ChartError> {
     let bytes = png_bytes(image)?;
     Ok(format!(
         "data:image/png;base64,{}",
@@ -122,8 +122,8 @@ pub fn html(
     subtitle: &str,
     panels: &[SummaryPanel],
     references: &[FloatImage],
-    shots: &[Shot],
-) -> Result<String, Error> {
+    shots: &[PointShot],
+) -> Result<String, ChartError> {
     let mut charts = String::new();
     for metric in &METRICS {
         // Writing to a string does not fail.
@@ -201,7 +201,7 @@ mod tests {
             color: vec![[0.5, 0.5, 0.5, 1.0]; 1200],
             ..FloatImage::default()
         };
-        let shot = Shot {
+        let shot = PointShot {
             panel: 0,
             point: 0,
             picture: Image::filled(40, 30, [100, 100, 100, 255]),

@@ -9,7 +9,7 @@ mod axis;
 mod labels;
 
 use super::summary::{SummaryPanel, SummaryPoint};
-use super::{DrawConfiguration, Error, RecordSource};
+use super::{ChartError, DrawConfiguration, RecordSource};
 use crate::image::Image;
 use crate::render::{Method, Path, SplatKind};
 use axis::{AxisText, GRAY, INK, PlotAxis, PlotField, points_text};
@@ -23,7 +23,7 @@ pub struct PlotMetric {
     pub key: &'static str,
     /// Name on the axis.
     pub label: &'static str,
-    /// Its value; 0 is best.
+    /// Value of a point; 0 is best.
     pub of: fn(&SummaryPoint) -> f64,
     /// How a value is written at the axis.
     pub show: fn(f64) -> String,
@@ -426,8 +426,8 @@ fn shortened(name: &str, most: usize) -> String {
 /// The picture of an SVG, made `scale` times as large, with a font of its own, so that it looks alike on every machine.
 ///
 /// # Errors
-/// [`Error::Draw`] for what is no SVG, or larger than memory can hold.
-pub fn pixels(svg: &str, scale: f32) -> Result<Image, Error> {
+/// [`ChartError::Draw`] for what is no SVG, or larger than memory can hold.
+pub fn pixels(svg: &str, scale: f32) -> Result<Image, ChartError> {
     use resvg::{tiny_skia, usvg};
     let mut options = usvg::Options::default();
     options
@@ -441,14 +441,14 @@ pub fn pixels(svg: &str, scale: f32) -> Result<Image, Error> {
         .unwrap_or_default();
     options.fontdb_mut().set_sans_serif_family(&family);
     options.font_family = family;
-    let tree = usvg::Tree::from_str(svg, &options).map_err(|e| Error::Draw(e.to_string()))?;
+    let tree = usvg::Tree::from_str(svg, &options).map_err(|e| ChartError::Draw(e.to_string()))?;
     let size = tree.size();
     let (width, height) = (
         (size.width() * scale).ceil() as u32,
         (size.height() * scale).ceil() as u32,
     );
     let mut map = tiny_skia::Pixmap::new(width, height)
-        .ok_or_else(|| Error::Draw(format!("{width} x {height} pixels are too many")))?;
+        .ok_or_else(|| ChartError::Draw(format!("{width} x {height} pixels are too many")))?;
     resvg::render(
         &tree,
         tiny_skia::Transform::from_scale(scale, scale),

@@ -11,7 +11,7 @@ mod dietz_holes;
 mod dietz_splats;
 pub mod qsplat;
 
-use super::Error;
+use super::ChartError;
 use crate::math::camera::View;
 use crate::measure::ValueDistribution;
 use crate::progress::Progress;
@@ -46,7 +46,7 @@ impl PublishedSubject<'_> {
 
 /// A table: what a source printed beside what is measured here.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Table {
+pub struct PublishedTable {
     /// Source, number and conditions.
     pub title: String,
     /// Names of the columns; the last is for remarks.
@@ -55,7 +55,7 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl PublishedTable {
     fn new(title: impl Into<String>, columns: &[&str]) -> Self {
         Self {
             title: title.into(),
@@ -136,7 +136,7 @@ pub(super) fn measure(
     cells: &[PublishedCell],
     repeats: u32,
     progress: &dyn Progress,
-) -> Result<Vec<(f64, FrameCounts)>, Error> {
+) -> Result<Vec<(f64, FrameCounts)>, ChartError> {
     let Some(first) = cells.first() else {
         return Ok(Vec::new());
     };
@@ -148,7 +148,7 @@ pub(super) fn measure(
     for round in 0..=repeats {
         for (i, cell) in cells.iter().enumerate() {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(ChartError::Cancelled);
             }
             let frame = engine.draw(&cell.view, &cell.settings)?;
             counts[i] = frame.counts;
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn tables_are_aligned_and_quoted() {
-        let mut table = Table::new("Title, \"quoted\"", &["what", "ours", "remark"]);
+        let mut table = PublishedTable::new("Title, \"quoted\"", &["what", "ours", "remark"]);
         table.row(vec!["nodes".into(), count(1_349_525), "equal".into()]);
         table.row(vec!["n".into(), count(999), String::new()]);
         assert_eq!(

@@ -1,6 +1,6 @@
 //! One measurement as a row of `rows.csv`, and the file of them.
 
-use super::{DrawConfiguration, Error};
+use super::{ChartError, DrawConfiguration};
 use crate::measure::ValueDistribution;
 use crate::printable::{MOST_CHARS, printable};
 use std::path::Path;
@@ -75,7 +75,7 @@ impl ChartRow {
         DrawConfiguration::of_words(&self.method, &self.splat, &self.path, self.threshold_px)
     }
 
-    /// Whether another row was measured under the same conditions: program, device, picture and effort.
+    /// Tells whether another row was measured under the same conditions: program, device, picture and effort.
     pub fn is_like(&self, other: &Self) -> bool {
         let conditions = |r: &Self| {
             (
@@ -91,7 +91,7 @@ impl ChartRow {
         conditions(self) == conditions(other)
     }
 
-    /// Whether it is of the same model, distance and view.
+    /// Tells whether it is of the same model, distance and view.
     pub fn is_of_block(&self, other: &Self) -> bool {
         self.model == other.model
             && self.model_triangles == other.model_triangles
@@ -114,7 +114,7 @@ impl ChartRow {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_rows(path: &Path, rows: &[ChartRow]) -> Result<(), Error> {
+pub fn write_rows(path: &Path, rows: &[ChartRow]) -> Result<(), ChartError> {
     crate::image::write(path, |file| {
         let mut writer = csv::Writer::from_writer(file);
         for row in rows {
@@ -128,9 +128,9 @@ pub fn write_rows(path: &Path, rows: &[ChartRow]) -> Result<(), Error> {
 /// Reads rows back; none where there is no file.
 ///
 /// # Errors
-/// [`Error::Rows`] with the line when the file is not readable or holds something else.
-pub fn read_rows(path: &Path) -> Result<Vec<ChartRow>, Error> {
-    let fail = |line: u64, cause: String| Error::Rows {
+/// [`ChartError::Rows`] with the line when the file is not readable or holds something else.
+pub fn read_rows(path: &Path) -> Result<Vec<ChartRow>, ChartError> {
+    let fail = |line: u64, cause: String| ChartError::Rows {
         path: path.to_owned(),
         line,
         cause,
@@ -280,7 +280,7 @@ pub(super) mod tests {
             assert_ne!(damage, whole);
             std::fs::write(&path, &damage).unwrap();
             match read_rows(&path) {
-                Err(Error::Rows { line: found, .. }) => assert_eq!(found, line, "{damage}"),
+                Err(ChartError::Rows { line: found, .. }) => assert_eq!(found, line, "{damage}"),
                 other => panic!("{other:?}"),
             }
         }

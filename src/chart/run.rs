@@ -2,9 +2,9 @@
 
 use super::choice::TRIANGLES;
 use super::errors::{PictureErrors, ReferencePicture, TILE_PX};
-use super::{AvailablePaths, ChartRow, DrawConfiguration, Error};
+use super::{AvailablePaths, ChartError, ChartRow, DrawConfiguration};
 use crate::gpu;
-use crate::image::{Accumulator, Image, stratified};
+use crate::image::{Image, PictureAccumulator, stratified};
 use crate::math::camera::View;
 use crate::measure::{ValueDistribution, frames};
 use crate::progress::Progress;
@@ -17,7 +17,7 @@ use crate::tree::Model;
 
 /// What is measured, the same for every model.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct ChartPlan {
     /// Width and height of the pictures.
     pub size: (u32, u32),
     /// Views of the standard orbit.
@@ -35,7 +35,7 @@ pub struct Plan {
 /// Most vertices of a model whose splats from vertices are measured.
 const MOST_SPLAT_VERTICES: usize = 2_000_000;
 
-impl Plan {
+impl ChartPlan {
     /// Four views at full, half and an eighth of the picture, everything at eleven thresholds.
     pub fn full() -> Self {
         Self {
@@ -98,7 +98,7 @@ pub fn orbit(
     fill: f64,
     k: u32,
     n: u32,
-) -> Result<View, crate::math::camera::Error> {
+) -> Result<View, crate::math::camera::CameraError> {
     model.orbit_step(size, fill, k, n).view(model.origin)
 }
 
@@ -172,12 +172,12 @@ impl<'m> ChartBench<'m> {
         view: &View,
         grid: u32,
         progress: &dyn Progress,
-    ) -> Result<ReferencePicture, Error> {
+    ) -> Result<ReferencePicture, ChartError> {
         let settings = reference_settings(self.model.kind().is_points());
-        let mut mean = Accumulator::new();
+        let mut mean = PictureAccumulator::new();
         for i in 0..grid * grid {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(ChartError::Cancelled);
             }
             mean.add(&self.timed.sample(&stratified(view, i, grid), &settings)?)?;
             progress.advance(1);
@@ -228,7 +228,7 @@ impl<'m> ChartBench<'m> {
         view: &View,
         choice: &DrawConfiguration,
         reference: &ReferencePicture,
-    ) -> Result<Result<PictureErrors, String>, Error> {
+    ) -> Result<Result<PictureErrors, String>, ChartError> {
         let picture = match self.picture(view, choice) {
             Ok(picture) => picture,
             Err(error @ (gpu::Error::Unsupported { .. } | gpu::Error::Limit { .. })) => {
@@ -259,13 +259,13 @@ impl<'m> ChartBench<'m> {
         choices: &[DrawConfiguration],
         repeats: u32,
         progress: &dyn Progress,
-    ) -> Result<Vec<Vec<FrameTimes>>, Error> {
+    ) -> Result<Vec<Vec<FrameTimes>>, ChartError> {
         let mut times = vec![Vec::with_capacity(repeats as usize); choices.len()];
         let mut order: Vec<usize> = (0..choices.len()).collect();
         for round in 0..=repeats {
             for &i in &order {
                 if progress.is_cancelled() {
-                    return Err(Error::Cancelled);
+                    return Err(ChartError::Cancelled);
                 }
                 let settings = choices[i].settings();
                 let mut left_ms = if choices[i] == TRIANGLES {
@@ -300,13 +300,13 @@ impl<'m> ChartBench<'m> {
 pub struct ChartPlace<'a> {
     /// Name of the model.
     pub model: &'a str,
-    /// Index into [`Plan::fills`].
+    /// Index into [`ChartPlan::fills`].
     pub fill: usize,
-    /// View of [`Plan::views`].
+    /// View of [`ChartPlan::views`].
     pub view: u32,
 }
 
-/// Measures every choice from one view: errors first, then times. The rows come in the order of [`Plan::choices`]; what
+/// Measures every choice from one view: errors first, then times. The rows come in the order of [`ChartPlan::choices`]; what
 /// is refused has a row that says why.
 ///
 /// # Errors
@@ -314,10 +314,10 @@ pub struct ChartPlace<'a> {
 pub fn block(
     backend: &Backend,
     bench: &mut ChartBench<'_>,
-    plan: &Plan,
+    plan: &ChartPlan,
     place: ChartPlace<'_>,
     progress: &dyn Progress,
-) -> Result<(Vec<ChartRow>, ReferencePicture), Error> {
+) -> Result<(Vec<ChartRow>, ReferencePicture), ChartError> {
     let model = bench.model;
     let view = orbit(
         model,
@@ -332,7 +332,7 @@ pub fn block(
     let mut timed = Vec::new();
     for choice in &choices {
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(ChartError::Cancelled);
         }
         let mut row = empty_row(backend, model, plan, place, choice);
         match bench.errors(&view, choice, &reference)? {
@@ -357,7 +357,7 @@ pub fn block(
 pub fn empty_row(
     backend: &Backend,
     model: &Model,
-    plan: &Plan,
+    plan: &ChartPlan,
     place: ChartPlace<'_>,
     choice: &DrawConfiguration,
 ) -> ChartRow {

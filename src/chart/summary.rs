@@ -16,7 +16,7 @@ pub struct SummaryPoint {
     pub cpu_ms: f64,
     /// Mean FLIP.
     pub flip: f64,
-    /// That of the worst view.
+    /// Mean FLIP of the worst view.
     pub worst_flip: f64,
     /// Mean FLIP over object pixels.
     pub flip_object: f64,
@@ -48,9 +48,9 @@ const LEAST_GAIN: f64 = 0.01;
 pub struct SummaryPanel {
     /// Name of the model.
     pub model: String,
-    /// Its triangles.
+    /// Number of triangles of the model.
     pub triangles: u64,
-    /// Its vertices.
+    /// Number of vertices of the model.
     pub vertices: u64,
     /// Projected diameter of the bounding sphere over the shorter side.
     pub fill: f64,

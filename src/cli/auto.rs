@@ -1,11 +1,13 @@
 //! `--method auto`: how a model is drawn follows from a bound.
 
 use super::costs::costs_of;
-use super::progress::Bar;
-use super::{Failure, Outcome, say, usage};
+use super::progress::JobBar;
+use super::{CommandFailure, Outcome, say, usage};
 use surfel::OpenedModel;
-use surfel::chart::auto::{Bounds, CalibrationKey, ChartCalibration, ChosenConfiguration, fill_of};
-use surfel::chart::{DrawConfiguration, Plan};
+use surfel::chart::auto::{
+    CalibrationKey, ChartCalibration, ChoiceBounds, ChosenConfiguration, fill_of,
+};
+use surfel::chart::{ChartPlan, DrawConfiguration};
 use surfel::math::camera::View;
 use surfel::render::engine::Backend;
 use surfel::render::{Path, Settings};
@@ -70,7 +72,7 @@ impl AutoArgs {
         ready: &OpenedModel,
         view: &View,
         quiet: bool,
-    ) -> Result<Settings, Failure> {
+    ) -> Result<Settings, CommandFailure> {
         let model = &ready.model;
         let size = (view.width, view.height);
         let key = CalibrationKey::of(backend, model, size);
@@ -85,10 +87,10 @@ impl AutoArgs {
                     "surfel: auto: measuring once what {} makes of models like this one",
                     backend.name()
                 ));
-                let tried = Plan::quick().choices(model, backend);
+                let tried = ChartPlan::quick().choices(model, backend);
                 let tried: Vec<_> = tried.iter().map(DrawConfiguration::settings).collect();
                 let how = (size, costs_of(backend, &tried));
-                let bar = Bar::new(quiet);
+                let bar = JobBar::new(quiet);
                 let made = ChartCalibration::measure(backend, model, &ready.name, how, &bar)?;
                 drop(bar);
                 if let Some(folder) = &folder
@@ -101,12 +103,12 @@ impl AutoArgs {
                 made
             }
         };
-        let bounds = Bounds {
+        let bounds = ChoiceBounds {
             max_error: self.max_error,
             frame_ms: self.frame_ms,
         };
         let Some(chosen) = calibration.choose(&bounds, fill_of(model, view)) else {
-            return Err(Failure::Run(anyhow::anyhow!(
+            return Err(CommandFailure::Run(anyhow::anyhow!(
                 "--method auto: {} draws this model by no method",
                 backend.name()
             )));
@@ -148,7 +150,7 @@ impl AutoArgs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use surfel::pack::{ColorBy, Lighting, Phong};
+    use surfel::pack::{ColorBy, Phong, SurfaceLighting};
 
     #[test]
     fn compute_is_insisted_on_where_it_can_draw() {
@@ -158,7 +160,7 @@ mod tests {
             ..Settings::default()
         };
         let lamp = Settings {
-            light: Lighting::Phong(Phong::default()),
+            light: SurfaceLighting::Phong(Phong::default()),
             ..Settings::default()
         };
         let depth = Settings {

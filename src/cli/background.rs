@@ -1,6 +1,6 @@
 //! The option that says what is behind the model.
 
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::Args as ClapArgs;
 
 /// What is behind the model.
@@ -24,7 +24,7 @@ pub(crate) struct BackgroundArgs {
     /// the lower edge, or gradient; in surfel render transparent (PNG and EXR with alpha)
     #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_background)]
     background: BackgroundChoice,
-    /// This command writes pictures with alpha.
+    /// Pictures of the command may have alpha.
     #[arg(skip)]
     pub(crate) may_be_transparent: bool,
 }
@@ -34,7 +34,7 @@ impl BackgroundArgs {
     ///
     /// # Errors
     /// When it is to be transparent in a command that writes no alpha.
-    pub(crate) fn colors(&self) -> Result<([f32; 3], Option<[f32; 3]>), Failure> {
+    pub(crate) fn colors(&self) -> Result<([f32; 3], Option<[f32; 3]>), CommandFailure> {
         match self.background {
             BackgroundChoice::Flat(color) => Ok((color, None)),
             BackgroundChoice::Gradient(top, bottom) => Ok((top, Some(bottom))),
@@ -46,7 +46,7 @@ impl BackgroundArgs {
         }
     }
 
-    /// Whether pictures have alpha.
+    /// Tells whether pictures have alpha.
     pub(crate) fn is_transparent(&self) -> bool {
         self.background == BackgroundChoice::Transparent
     }

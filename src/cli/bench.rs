@@ -1,16 +1,16 @@
 //! `surfel bench`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
-use super::{Failure, Outcome, print, say, usage, write_text};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
+use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::bench::cases::CaseStandard;
 use surfel::bench::report::{RunFacts, csv, line, summary};
 use surfel::bench::{
-    BenchCase, BenchFigure, BenchSession, Error, Plan, accuracy, cuts, frames, growth, memory,
-    pictures, rates, rivals,
+    BenchCase, BenchError, BenchFigure, BenchPlan, BenchSession, accuracy, cuts, frames, growth,
+    memory, pictures, rates, rivals,
 };
 use surfel::measure::store;
 use surfel::progress::Progress;
@@ -34,7 +34,7 @@ is no failure of the run: the exit code is 0. docs/PERFORMANCE.md says what each
 /// Measure every figure that the program has to reach, with pass or miss.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct BenchArgs {
     /// More model files
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -52,7 +52,7 @@ pub(crate) struct Args {
     files_only: bool,
     /// Only this part of the run; may be given several times
     #[arg(long, value_name = "PART")]
-    only: Vec<Part>,
+    only: Vec<BenchPart>,
     /// Also models of up to 64 million triangles, for their growth
     #[arg(long)]
     large: bool,
@@ -65,7 +65,7 @@ pub(crate) struct Args {
 
 /// A part of the run. Pictures are measured where they are asked for: 64 samples of every triangle take minutes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Part {
+enum BenchPart {
     Rates,
     Cut,
     Frames,
@@ -74,7 +74,7 @@ enum Part {
     Growth,
 }
 
-impl Part {
+impl BenchPart {
     /// Parts that are measured of every model.
     const OF_MODELS: [Self; 4] = [Self::Cut, Self::Frames, Self::Accuracy, Self::Pictures];
 }
@@ -86,7 +86,7 @@ fn parse_case(text: &str) -> Result<CaseStandard, String> {
         .ok_or_else(|| "there are sphere, torus, statue and dragon".to_owned())
 }
 
-impl Args {
+impl BenchArgs {
     fn check(&self) -> Outcome {
         for (i, file) in self.files.iter().enumerate() {
             if self.files[..i].contains(file) {
@@ -116,8 +116,8 @@ impl Args {
         self.csv.as_deref().map_or(Ok(()), super::require_folder)
     }
 
-    fn wants(&self, part: Part) -> bool {
-        let is_usual = part != Part::Pictures;
+    fn wants(&self, part: BenchPart) -> bool {
+        let is_usual = part != BenchPart::Pictures;
         is_usual && self.only.is_empty() || self.only.contains(&part)
     }
 
@@ -145,7 +145,7 @@ fn dragon() -> Option<PathBuf> {
 }
 
 /// The figures so far, printed as they come.
-struct Figures<'a> {
+struct PrintedFigures<'a> {
     all: Vec<BenchFigure>,
     prints: bool,
     /// The file of rows.
@@ -153,13 +153,13 @@ struct Figures<'a> {
     about: RunFacts,
 }
 
-impl Figures<'_> {
+impl PrintedFigures<'_> {
     /// Writes the rows so far. A device or a pipe gets them once: at the end.
     fn save(&self, is_end: bool) -> Outcome {
         let Some(path) = self.csv else { return Ok(()) };
         let is_file = path != Path::new("-") && (path.is_file() || !path.exists());
         if is_file || is_end {
-            let rows = csv(&self.about, &self.all).map_err(|e| Failure::Run(e.into()))?;
+            let rows = csv(&self.about, &self.all).map_err(|e| CommandFailure::Run(e.into()))?;
             write_text(path, &rows)?;
         }
         Ok(())
@@ -180,7 +180,7 @@ impl Figures<'_> {
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: BenchArgs, quiet: bool) -> Outcome {
     args.check()?;
     let backend = args.device.open()?;
     let Some(gpu) = backend.device() else {
@@ -189,11 +189,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         ));
     };
     let plan = if args.quick {
-        Plan::quick()
+        BenchPlan::quick()
     } else {
-        Plan::full()
+        BenchPlan::full()
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     bar.stage("calibrate", 0);
     let folder = store::folder();
     let session = BenchSession::open(gpu, folder.as_deref())?;
@@ -203,7 +203,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         "surfel {} on {}, {}, {} threads; {}",
         about.version, about.device, about.driver, about.threads, about.settings
     );
-    let mut figures = Figures {
+    let mut figures = PrintedFigures {
         all: Vec::new(),
         prints: args.csv.as_deref() != Some(Path::new("-")),
         csv: args.csv.as_deref(),
@@ -222,9 +222,9 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
 }
 
 /// Tells a user who cancelled what is left.
-fn with_hint(failure: Failure, args: &Args) -> Failure {
+fn with_hint(failure: CommandFailure, args: &BenchArgs) -> CommandFailure {
     match failure {
-        Failure::Run(error) if is_cancelled(&error) => Failure::Run(anyhow::anyhow!(
+        CommandFailure::Run(error) if is_cancelled(&error) => CommandFailure::Run(anyhow::anyhow!(
             "cancelled{}",
             args.csv.as_ref().map_or_else(String::new, |path| format!(
                 "; {} has what was measured",
@@ -241,7 +241,7 @@ fn is_cancelled(error: &anyhow::Error) -> bool {
 }
 
 /// A model of the run, once it is needed: name and file.
-fn sources(args: &Args) -> Vec<(String, PathBuf)> {
+fn sources(args: &BenchArgs) -> Vec<(String, PathBuf)> {
     let mut sources = Vec::new();
     for standard in CaseStandard::ALL {
         if !args.wants_case(standard) {
@@ -268,11 +268,11 @@ fn sources(args: &Args) -> Vec<(String, PathBuf)> {
     sources
 }
 
-fn load(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
-    let source = Source {
+fn load(path: &Path, bar: &JobBar) -> Result<OpenedModel, CommandFailure> {
+    let source = ModelArgs {
         model: path.to_owned(),
         weld: false,
-        frame: Framing::Robust,
+        frame: ViewFraming::Robust,
         surface: SurfaceArgs::default(),
         keep: KeepArgs::default(),
     };
@@ -280,7 +280,7 @@ fn load(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
 }
 
 /// Opens a model that is compared with its triangles.
-fn load_surface(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
+fn load_surface(path: &Path, bar: &JobBar) -> Result<OpenedModel, CommandFailure> {
     let ready = load(path, bar)?;
     match ready.model.kind().is_surface() {
         true => Ok(ready),
@@ -292,15 +292,15 @@ fn load_surface(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
 }
 
 fn models(
-    args: &Args,
+    args: &BenchArgs,
     session: &BenchSession,
-    plan: &Plan,
-    figures: &mut Figures<'_>,
-    bar: &Bar,
+    plan: &BenchPlan,
+    figures: &mut PrintedFigures<'_>,
+    bar: &JobBar,
 ) -> Outcome {
     let sources = sources(args);
     let wants_models =
-        args.wants(Part::Rates) || Part::OF_MODELS.iter().any(|part| args.wants(*part));
+        args.wants(BenchPart::Rates) || BenchPart::OF_MODELS.iter().any(|part| args.wants(*part));
     if sources.is_empty() && wants_models {
         return Err(usage("nothing is left to measure: no case is there"));
     }
@@ -311,8 +311,8 @@ fn models(
         .unwrap_or(0);
     let sources = if wants_models { &sources[..] } else { &[] };
     for (i, (name, path)) in sources.iter().enumerate() {
-        let is_rated = i == rated && args.wants(Part::Rates);
-        if !is_rated && !Part::OF_MODELS.iter().any(|part| args.wants(*part)) {
+        let is_rated = i == rated && args.wants(BenchPart::Rates);
+        if !is_rated && !BenchPart::OF_MODELS.iter().any(|part| args.wants(*part)) {
             continue;
         }
         let ready = load_surface(path, bar)?;
@@ -334,14 +334,14 @@ fn models(
         type Measure = fn(
             &BenchSession,
             &BenchCase<'_>,
-            &Plan,
+            &BenchPlan,
             &dyn Progress,
-        ) -> Result<Vec<BenchFigure>, Error>;
-        let parts: [(Part, &str, Measure); 4] = [
-            (Part::Cut, "cut", cuts::figures),
-            (Part::Frames, "frames", frames::figures),
-            (Part::Accuracy, "time against error", accuracy::figures),
-            (Part::Pictures, "default picture", pictures::figures),
+        ) -> Result<Vec<BenchFigure>, BenchError>;
+        let parts: [(BenchPart, &str, Measure); 4] = [
+            (BenchPart::Cut, "cut", cuts::figures),
+            (BenchPart::Frames, "frames", frames::figures),
+            (BenchPart::Accuracy, "time against error", accuracy::figures),
+            (BenchPart::Pictures, "default picture", pictures::figures),
         ];
         for (part, what, measure) in parts {
             if args.wants(part) {
@@ -350,22 +350,25 @@ fn models(
             }
         }
     }
-    if args.wants(Part::Pictures) && !args.files_only {
+    if args.wants(BenchPart::Pictures) && !args.files_only {
         scenes(session, figures, bar)?;
     }
-    if args.wants(Part::Growth) && args.wants_case(CaseStandard::Statue) {
+    if args.wants(BenchPart::Growth) && args.wants_case(CaseStandard::Statue) {
         grow(args, session, plan, figures, bar)?;
     }
     Ok(())
 }
 
 /// Default pictures of the scenes of the stability table, and of a blade thinner than a pixel.
-fn scenes(session: &BenchSession, figures: &mut Figures<'_>, bar: &Bar) -> Outcome {
+fn scenes(session: &BenchSession, figures: &mut PrintedFigures<'_>, bar: &JobBar) -> Outcome {
     let entries = surfel::scenes::ALL;
     bar.stage("pictures of scenes", entries.len() as u64);
     let mut found = Vec::new();
     for entry in entries {
-        let opened = load(Path::new(&format!("scene:{}", entry.name)), &Bar::new(true))?;
+        let opened = load(
+            Path::new(&format!("scene:{}", entry.name)),
+            &JobBar::new(true),
+        )?;
         let Some(scene) = &opened.scene else {
             unreachable!("{} is a scene", entry.name)
         };
@@ -390,11 +393,11 @@ fn scenes(session: &BenchSession, figures: &mut Figures<'_>, bar: &Bar) -> Outco
 
 /// One view of the statue with ever more triangles.
 fn grow(
-    args: &Args,
+    args: &BenchArgs,
     session: &BenchSession,
-    plan: &Plan,
-    figures: &mut Figures<'_>,
-    bar: &Bar,
+    plan: &BenchPlan,
+    figures: &mut PrintedFigures<'_>,
+    bar: &JobBar,
 ) -> Outcome {
     let scale = |n: u64| {
         args.triangles

@@ -1,8 +1,8 @@
 //! `surfel build`
 
-use super::progress::Bar;
-use super::source::{Source, parse_bytes};
-use super::{Failure, Outcome, bytes, count, say};
+use super::progress::JobBar;
+use super::source::{ModelArgs, parse_bytes};
+use super::{CommandFailure, Outcome, bytes, count, say};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use surfel::mesh::stream::JoinedStream;
@@ -17,9 +17,9 @@ use surfel::tree;
 #[command(
     after_help = "Examples:\n  surfel build scan.ply -o scan.surfel && surfel render scan.surfel -o scan.png\n  surfel build tiles/a.laz tiles/b.laz --memory 1GiB -o town.surfel"
 )]
-pub(crate) struct Args {
+pub(crate) struct BuildArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// Further models, built into the same file; only with --memory
     #[arg(value_name = "MORE", index = 2)]
     more: Vec<PathBuf>,
@@ -58,7 +58,7 @@ fn parse_page_leaves(text: &str) -> Result<usize, String> {
     }
 }
 
-impl Args {
+impl BuildArgs {
     fn pages(&self) -> PagedOptions {
         PagedOptions {
             page_leaves: self.page_leaves,
@@ -68,8 +68,13 @@ impl Args {
 }
 
 /// Builds the model piece by piece; `false` where it must be read whole.
-fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Result<bool, Failure> {
-    let bar = Bar::new(quiet);
+fn build_in_pieces(
+    args: &BuildArgs,
+    memory: u64,
+    output: &Path,
+    quiet: bool,
+) -> Result<bool, CommandFailure> {
+    let bar = JobBar::new(quiet);
     let options = args.source.options()?;
     if args.source.weld {
         let cause = "--weld needs the whole model in memory: leave it or --memory out";
@@ -130,7 +135,7 @@ fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Resu
         }
         ExternalError::Tree(error @ tree::Error::Io { .. }) => {
             let context = format!("cannot write {}", output.display());
-            Failure::Run(anyhow::Error::new(error).context(context))
+            CommandFailure::Run(anyhow::Error::new(error).context(context))
         }
         other => super::usage(format!("{name}: {other}")),
     })?;
@@ -173,7 +178,7 @@ fn write_model(
     pages: Option<&PagedOptions>,
     with_patches: bool,
     output: &Path,
-    bar: &Bar,
+    bar: &JobBar,
 ) -> Result<(), tree::Error> {
     let model = &mut ready.model;
     match (pages, with_patches || model.patches.is_some()) {
@@ -187,7 +192,7 @@ fn write_model(
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: BuildArgs, quiet: bool) -> Outcome {
     let output = match &args.output {
         Some(path) => path.clone(),
         None => match ModelSource::parse(&args.source.model)? {
@@ -230,7 +235,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         ));
     }
     let start = Instant::now();
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let written = write_model(
         &mut ready,
         is_paged.then_some(&pages),
@@ -244,7 +249,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         tree::Error::Cancelled => surfel::Error::from(error).into(),
         _ => {
             let context = format!("cannot write {}", output.display());
-            Failure::Run(anyhow::Error::new(error).context(context))
+            CommandFailure::Run(anyhow::Error::new(error).context(context))
         }
     })?;
     let size = std::fs::metadata(&output).map(|m| m.len()).unwrap_or(0);

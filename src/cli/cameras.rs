@@ -1,6 +1,6 @@
 //! Cameras of commands: files, orbits and sizes of pictures.
 
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
@@ -49,7 +49,7 @@ pub(crate) struct CameraArgs {
 
 impl CameraArgs {
     /// The camera of the file, in the size asked for; none where an orbit decides.
-    pub(crate) fn read(&self) -> Result<Option<Camera>, Failure> {
+    pub(crate) fn read(&self) -> Result<Option<Camera>, CommandFailure> {
         let camera = self.camera.as_deref().map(read_camera).transpose()?;
         camera.map(|camera| resized(camera, self.size)).transpose()
     }
@@ -117,17 +117,20 @@ fn camera_around(
 }
 
 /// Reads a camera file; every error names it.
-pub(crate) fn read_camera(path: &Path) -> Result<Camera, Failure> {
+pub(crate) fn read_camera(path: &Path) -> Result<Camera, CommandFailure> {
     Camera::read(path).map_err(|error| match error {
-        error @ surfel::math::camera::Error::Value(_) => {
-            Failure::Input(anyhow::Error::new(error).context(path.display().to_string()))
+        error @ surfel::math::camera::CameraError::Value(_) => {
+            CommandFailure::Input(anyhow::Error::new(error).context(path.display().to_string()))
         }
         other => other.into(),
     })
 }
 
 /// The camera of a file, in the size asked for.
-pub(crate) fn resized(mut camera: Camera, size: Option<(u32, u32)>) -> Result<Camera, Failure> {
+pub(crate) fn resized(
+    mut camera: Camera,
+    size: Option<(u32, u32)>,
+) -> Result<Camera, CommandFailure> {
     if let Some((width, height)) = size {
         if u64::from(width) * u64::from(camera.height)
             != u64::from(height) * u64::from(camera.width)

@@ -2,20 +2,20 @@
 
 use super::cameras::parse_size;
 use super::costs::costs_of;
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
-use super::{Failure, Outcome, count, print, say, usage, write_text};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
+use super::{CommandFailure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::chart::agree::{ReferenceAgreement, agreement};
-use surfel::chart::page::{Shot, html, panel_facts};
+use surfel::chart::page::{PointShot, html, panel_facts};
 use surfel::chart::plot::{METRICS, pixels, svg};
 use surfel::chart::run::{ChartBench, ChartPlace, block, empty_row, orbit};
 use surfel::chart::summary::{SummaryPanel, summarize};
-use surfel::chart::{ChartRow, DrawConfiguration, Plan, read_rows, write_rows};
+use surfel::chart::{ChartPlan, ChartRow, DrawConfiguration, read_rows, write_rows};
 use surfel::image::FloatImage;
 use surfel::progress::Progress;
 use surfel::render::engine::Backend;
@@ -33,7 +33,7 @@ pictures beside the reference. docs/MEASURING.md says what each column means.";
 /// Measure time and error of every method, splat and threshold, and draw them as a chart.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct ChartArgs {
     /// Model files, generate:SHAPE[:TRIANGLES], or scene:NAME
     #[arg(value_name = "MODEL", required = true)]
     models: Vec<PathBuf>,
@@ -77,12 +77,12 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-impl Args {
-    fn plan(&self) -> Result<Plan, Failure> {
+impl ChartArgs {
+    fn plan(&self) -> Result<ChartPlan, CommandFailure> {
         let mut plan = if self.quick {
-            Plan::quick()
+            ChartPlan::quick()
         } else {
-            Plan::full()
+            ChartPlan::full()
         };
         plan.size = self.size;
         plan.views = self.views.unwrap_or(plan.views);
@@ -123,7 +123,7 @@ impl Args {
     }
 
     /// The panels of the chart that this one is compared with.
-    fn other_panels(&self) -> Result<Option<Vec<SummaryPanel>>, Failure> {
+    fn other_panels(&self) -> Result<Option<Vec<SummaryPanel>>, CommandFailure> {
         let Some(folder) = &self.against else {
             return Ok(None);
         };
@@ -152,7 +152,7 @@ fn unique<T: PartialEq + Copy>(values: &[T]) -> Vec<T> {
 }
 
 /// Rows of an earlier run that this one can go on from; what was measured otherwise is kept in another file.
-fn earlier_rows(path: &Path, like: &ChartRow) -> Result<Vec<ChartRow>, Failure> {
+fn earlier_rows(path: &Path, like: &ChartRow) -> Result<Vec<ChartRow>, CommandFailure> {
     let all = read_rows(path)?;
     let (rows, others): (Vec<ChartRow>, Vec<ChartRow>) =
         all.into_iter().partition(|r| r.is_like(like));
@@ -173,19 +173,19 @@ fn earlier_rows(path: &Path, like: &ChartRow) -> Result<Vec<ChartRow>, Failure> 
 }
 
 /// What a run collects.
-struct Run<'a> {
-    plan: &'a Plan,
+struct ChartRun<'a> {
+    plan: &'a ChartPlan,
     backend: &'a Backend,
     path: PathBuf,
     earlier: Vec<ChartRow>,
     rows: Vec<ChartRow>,
     references: Vec<FloatImage>,
-    shots: Vec<Shot>,
+    shots: Vec<PointShot>,
 }
 
-impl Run<'_> {
+impl ChartRun<'_> {
     /// Measures all of a model that is not measured yet, and draws the pictures of its frontier.
-    fn model(&mut self, ready: &OpenedModel, bar: &Bar) -> Outcome {
+    fn model(&mut self, ready: &OpenedModel, bar: &JobBar) -> Outcome {
         let (model, plan) = (&ready.model, self.plan);
         let choices = plan.choices(model, self.backend);
         let mut bench = ChartBench::new(self.backend, model, plan.size)?;
@@ -238,7 +238,7 @@ impl Run<'_> {
             };
             for &point in &panel.frontier {
                 let picture = bench.picture(&view, &panel.points[point].choice)?;
-                self.shots.push(Shot {
+                self.shots.push(PointShot {
                     panel: first_panel + i,
                     point,
                     picture,
@@ -263,17 +263,17 @@ impl Run<'_> {
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: ChartArgs, quiet: bool) -> Outcome {
     let plan = args.plan()?;
     let other = args.other_panels()?;
     let backend = args.device.open()?;
-    let bar = Bar::new(quiet);
-    let mut run: Option<Run<'_>> = None;
+    let bar = JobBar::new(quiet);
+    let mut run: Option<ChartRun<'_>> = None;
     for path in &args.models {
-        let source = Source {
+        let source = ModelArgs {
             model: path.clone(),
             weld: args.weld,
-            frame: Framing::Robust,
+            frame: ViewFraming::Robust,
             surface: SurfaceArgs::default(),
             keep: KeepArgs::default(),
         };
@@ -290,7 +290,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             none => {
                 // Only now, so that a model or device that is not there leaves no folder behind.
                 std::fs::create_dir_all(&args.output).map_err(|e| {
-                    Failure::Run(
+                    CommandFailure::Run(
                         anyhow::Error::new(e)
                             .context(format!("cannot make the folder {}", args.output.display())),
                     )
@@ -303,7 +303,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
                 let any = surfel::chart::choice::TRIANGLES;
                 let like = empty_row(&backend, &ready.model, &plan, place, &any);
                 let path = args.output.join("rows.csv");
-                none.insert(Run {
+                none.insert(ChartRun {
                     plan: &plan,
                     backend: &backend,
                     earlier: earlier_rows(&path, &like)?,
@@ -339,7 +339,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             "samples": plan.grid * plan.grid,
             "panels": panels.iter().map(panel_facts).collect::<Vec<_>>(),
         });
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
         print(&(text + "\n"))?;
     } else {
         print(&table(&panels, &args.output))?;
@@ -375,7 +375,7 @@ fn report_agreement(
     if all.iter().all(ReferenceAgreement::is_kept) {
         return Ok(());
     }
-    Err(Failure::Run(anyhow::anyhow!(
+    Err(CommandFailure::Run(anyhow::anyhow!(
         "this chart and the one in {} differ by more than 15 percent or in their frontier; other work on the machine shows \
          first in short frames, so give both runs a quiet machine",
         folder.display()
@@ -423,16 +423,16 @@ fn agreement_text(all: &[ReferenceAgreement]) -> String {
 }
 
 /// Tells a user who cancelled what is left.
-fn with_hint(failure: Failure) -> Failure {
+fn with_hint(failure: CommandFailure) -> CommandFailure {
     use surfel::{Error, chart};
     match failure {
-        Failure::Run(error)
+        CommandFailure::Run(error)
             if matches!(
                 error.downcast_ref(),
-                Some(Error::Chart(chart::Error::Cancelled))
+                Some(Error::Chart(chart::ChartError::Cancelled))
             ) =>
         {
-            Failure::Run(anyhow::anyhow!(
+            CommandFailure::Run(anyhow::anyhow!(
                 "cancelled; the same command goes on from the last whole view"
             ))
         }
@@ -441,7 +441,7 @@ fn with_hint(failure: Failure) -> Failure {
 }
 
 /// Title and subtitle of the chart.
-fn heading(run: &Run<'_>) -> (String, String) {
+fn heading(run: &ChartRun<'_>) -> (String, String) {
     let plan = run.plan;
     let kind = match run.backend.device() {
         Some(gpu) if gpu.info().is_cpu() => {

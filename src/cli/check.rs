@@ -1,7 +1,7 @@
 //! `surfel check`
 
-use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
-use super::{Failure, Outcome, chain, count, print};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
+use super::{CommandFailure, Outcome, chain, count, print};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::io::Read;
@@ -12,7 +12,7 @@ use surfel::pages::check::PagedReport;
 use surfel::pages::format::{MAGIC, is_paged_file};
 use surfel::pages::{self, file::PagedFile, source::FileSource};
 use surfel::patches::check_records;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::tree;
 
 /// Check model files and every invariant of their trees.
@@ -20,7 +20,7 @@ use surfel::tree;
 #[command(
     after_help = "Examples:\n  surfel check scan.ply\n  surfel check models/*.obj\n\nExit code 2 when a file cannot be read, 1 when an invariant of a tree does not hold."
 )]
-pub(crate) struct Args {
+pub(crate) struct CheckArgs {
     /// Model files, - for standard input, or generate:SHAPE[:TRIANGLES]
     #[arg(value_name = "MODEL", required = true)]
     models: Vec<PathBuf>,
@@ -46,7 +46,7 @@ fn check_pages(path: &Path) -> Result<PagedReport, tree::Error> {
         source,
     })?;
     let file = PagedFile::open(Arc::new(source))?;
-    Ok(pages::check::check(&file, &Silent))
+    Ok(pages::check::check(&file, &SilentProgress))
 }
 
 /// Findings about a paged file, as text and as a row.
@@ -76,7 +76,7 @@ fn add_pages(path: &Path, report: &PagedReport, text: &mut String, rows: &mut Ve
     }));
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: CheckArgs, quiet: bool) -> Outcome {
     let mut rows = Vec::new();
     let mut text = String::new();
     let count_of_models = args.models.len();
@@ -102,16 +102,16 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             }
             continue;
         }
-        let source = Source {
+        let source = ModelArgs {
             model: path.clone(),
             weld: args.weld,
-            frame: Framing::Robust,
+            frame: ViewFraming::Robust,
             surface: SurfaceArgs::default(),
             keep: KeepArgs::default(),
         };
         let ready = match source.open(quiet) {
             Ok(ready) => ready,
-            Err(Failure::Input(error)) => {
+            Err(CommandFailure::Input(error)) => {
                 rows.push(json!({ "file": path.display().to_string(), "error": chain(&error) }));
                 // A single model's error is said once, at the end.
                 if count_of_models > 1 {
@@ -147,20 +147,21 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         rows.push(facts);
     }
     if args.json {
-        let json = serde_json::to_string_pretty(&rows).map_err(|e| Failure::Run(e.into()))?;
+        let json =
+            serde_json::to_string_pretty(&rows).map_err(|e| CommandFailure::Run(e.into()))?;
         print(&(json + "\n"))?;
     } else {
         print(&text)?;
     }
     if broken > 0 {
-        return Err(Failure::Run(anyhow::anyhow!(
+        return Err(CommandFailure::Run(anyhow::anyhow!(
             "{broken} tree(s) break an invariant"
         )));
     }
     match (unreadable.pop(), unreadable.len()) {
         (None, _) => Ok(()),
-        (Some(error), _) if count_of_models == 1 => Err(Failure::Input(error)),
-        (Some(_), others) => Err(Failure::Input(anyhow::anyhow!(
+        (Some(error), _) if count_of_models == 1 => Err(CommandFailure::Input(error)),
+        (Some(_), others) => Err(CommandFailure::Input(anyhow::anyhow!(
             "{} of {count_of_models} models cannot be read",
             others + 1
         ))),

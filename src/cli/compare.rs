@@ -1,12 +1,12 @@
 //! `surfel compare`
 
 use super::render::require_ending;
-use super::{Failure, Outcome, print, usage};
+use super::{CommandFailure, Outcome, print, usage};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::image::{
-    ChannelComparison, Difference, FloatImage, Image, Picture, PictureChannels, compare,
+    ChannelComparison, FloatImage, Image, PictureChannels, PictureDifference, PixelSource, compare,
     compare_channels, contact_sheet, difference_picture,
 };
 use surfel::measure::{
@@ -19,7 +19,7 @@ use surfel::measure::{
 #[command(
     after_help = "Examples:\n  surfel compare reference.png picture.png\n  surfel compare reference.exr picture.exr --json\n  surfel compare a.png b.png --background black --difference d.png --gain 4 --worst worst.png\n  surfel compare a.png b.png --max-flip 0.01 --min-psnr 40\n\nPictures are PNG or EXR files of one size. Coverage and silhouette are compared where the pictures have alpha (the EXR\nfiles of surfel render do, both) or --background says what is not covered; normals where both files have them. Every other channel (alpha, depth, any of an\nEXR file) is compared value by value, and what one file lacks is said: it never counts as equal (--equal).\nExit codes: 0 within the bounds, 1 past one of them, 2 what cannot be compared."
 )]
-pub(crate) struct Args {
+pub(crate) struct CompareArgs {
     /// The picture that is right
     #[arg(value_name = "REFERENCE")]
     reference: PathBuf,
@@ -56,13 +56,13 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    bounds: Bounds,
+    bounds: CompareBounds,
 }
 
 /// Past one of these the run fails.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Bounds")]
-struct Bounds {
+struct CompareBounds {
     /// Largest mean FLIP difference, 0 to 1
     #[arg(long, value_name = "MEAN")]
     max_flip: Option<f64>,
@@ -99,11 +99,11 @@ struct Bounds {
 }
 
 /// Everything that is measured.
-struct Report {
+struct CompareReport {
     size: [u32; 2],
     flip: f64,
     ssim: f64,
-    difference: Difference,
+    difference: PictureDifference,
     worst: PictureTile,
     /// Coverage and silhouette, where pixels are told covered or not.
     shape: Option<(CoverageErrors, SampleSpread)>,
@@ -117,7 +117,7 @@ struct Report {
 /// A difference up to this many levels is no difference to count.
 const LEVEL: f64 = 1.0;
 
-impl Report {
+impl CompareReport {
     fn json(&self) -> serde_json::Value {
         let Self {
             size: [width, height],
@@ -267,7 +267,7 @@ impl Report {
     }
 
     /// The bounds that are missed, as a sentence.
-    fn missed(&self, bounds: &Bounds) -> Result<Option<String>, Failure> {
+    fn missed(&self, bounds: &CompareBounds) -> Result<Option<String>, CommandFailure> {
         let mut missed = Vec::new();
         let mut check = |option: &str, value: f64, bound: Option<f64>, is_least: bool| {
             if let Some(bound) = bound {
@@ -360,7 +360,7 @@ impl Report {
     }
 }
 
-impl Bounds {
+impl CompareBounds {
     fn need_coverage(&self) -> bool {
         self.min_object_psnr.is_some()
             || self.max_missing.is_some()
@@ -390,7 +390,7 @@ impl Bounds {
     }
 }
 
-impl Args {
+impl CompareArgs {
     fn check(&self) -> Outcome {
         let outputs = [
             ("--difference", &self.difference),
@@ -428,7 +428,7 @@ impl Args {
         Ok(())
     }
 
-    fn load(&self, path: &Path) -> Result<FloatImage, Failure> {
+    fn load(&self, path: &Path) -> Result<FloatImage, CommandFailure> {
         let mut image = FloatImage::load(path)?;
         if let Some(background) = self.background
             && is_opaque(&image)
@@ -439,7 +439,11 @@ impl Args {
         Ok(image)
     }
 
-    fn report(&self, reference: &FloatImage, picture: &FloatImage) -> Result<Report, Failure> {
+    fn report(
+        &self,
+        reference: &FloatImage,
+        picture: &FloatImage,
+    ) -> Result<CompareReport, CommandFailure> {
         let has_coverage = self.background.is_some()
             || !is_opaque(reference)
             || !is_opaque(picture)
@@ -453,8 +457,8 @@ impl Args {
         let channels = compare_channels([&files[0], &files[1]], [&names[0], &names[1]]);
         let has_colors = files.iter().all(PictureChannels::has_colors);
         let has_normals = |image: &FloatImage| !image.normal.is_empty();
-        let measured = || -> Result<Report, surfel::image::Error> {
-            Ok(Report {
+        let measured = || -> Result<CompareReport, surfel::image::Error> {
+            Ok(CompareReport {
                 size: reference.size(),
                 flip: 0.0,
                 ssim: ssim(reference, picture)?,
@@ -493,7 +497,7 @@ fn is_opaque(image: &FloatImage) -> bool {
     image.color.iter().all(|c| c[3] >= 1.0)
 }
 
-/// Whether alpha means something: a PNG file that is opaque everywhere is one without alpha, for all that is known.
+/// Tells whether alpha means something: a PNG file that is opaque everywhere is one without alpha, for all that is known.
 fn tells_coverage(path: &Path, image: &FloatImage) -> bool {
     !is_opaque(image) || super::render::ending(path) == "exr"
 }
@@ -535,7 +539,7 @@ fn worst_sheet(
     ))
 }
 
-pub(crate) fn run(args: Args) -> Outcome {
+pub(crate) fn run(args: CompareArgs) -> Outcome {
     args.check()?;
     let (reference, picture) = (args.load(&args.reference)?, args.load(&args.picture)?);
     if reference.size() != picture.size() {
@@ -551,15 +555,15 @@ pub(crate) fn run(args: Args) -> Outcome {
     let report = args.report(&reference, &picture)?;
     let missed = report.missed(&args.bounds)?;
     if args.json {
-        let text =
-            serde_json::to_string_pretty(&report.json()).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&report.json())
+            .map_err(|e| CommandFailure::Run(e.into()))?;
         print(&(text + "\n"))?;
     } else {
         print(&report.text())?;
     }
     match missed {
         None => Ok(()),
-        Some(what) => Err(Failure::Run(anyhow::anyhow!(
+        Some(what) => Err(CommandFailure::Run(anyhow::anyhow!(
             "{}: {what}",
             args.picture.display()
         ))),

@@ -6,7 +6,7 @@ use surfel::render::cost::model::DrawCosts;
 use surfel::render::engine::Backend;
 
 /// Costs of drawing on the device that is to draw with these settings, measured now if they never were: the engine's to
-/// decide by. `None` of the mirror.
+/// decide by. `None` of the reference.
 pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<DrawCosts> {
     let decided: Vec<Settings> = (settings.iter())
         .filter(|settings| !backend.draws_by_cpu(settings))

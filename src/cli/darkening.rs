@@ -1,6 +1,6 @@
 //! The options that say which pixels are darkened by the depths around them.
 
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
 use surfel::render::{AmbientOcclusion, EyeDome};
 
@@ -60,7 +60,7 @@ impl DarkeningArgs {
     }
 
     /// Refuses numbers that are out of range.
-    pub(crate) fn check(&self) -> Result<(), Failure> {
+    pub(crate) fn check(&self) -> Result<(), CommandFailure> {
         for (option, factor) in [
             ("--eye-dome-strength", self.eye_dome_strength),
             (

@@ -3,8 +3,8 @@
 use super::cameras::orbit_camera;
 use super::costs::costs_of;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
-use super::{Failure, Outcome, count, say};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
+use super::{CommandFailure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ use surfel::render::{Method, Settings, SplatKind};
 #[command(
     after_help = "Examples:\n  surfel demo\n  surfel demo --model scan.ply -o out --size 800x800"
 )]
-pub(crate) struct Args {
+pub(crate) struct DemoArgs {
     /// Folder for the pictures; made if it is not there
     #[arg(short, long, value_name = "FOLDER", default_value = "surfel-demo")]
     output: PathBuf,
@@ -37,7 +37,7 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-struct Shot {
+struct DemoShot {
     file: &'static str,
     label: &'static str,
     method: Method,
@@ -48,7 +48,7 @@ struct Shot {
 }
 
 /// A whole model at threshold 1, as squares.
-const BASE: Shot = Shot {
+const BASE: DemoShot = DemoShot {
     file: "pop-1",
     label: "pop, threshold 1 px",
     method: Method::Pop,
@@ -58,14 +58,14 @@ const BASE: Shot = Shot {
     fill: 1.0,
 };
 
-const SHOTS: [Shot; 10] = [
-    Shot {
+const SHOTS: [DemoShot; 10] = [
+    DemoShot {
         file: "triangles",
         label: "triangles",
         method: Method::Triangles,
         ..BASE
     },
-    Shot {
+    DemoShot {
         file: "points",
         label: "points, 2 px",
         method: Method::Points,
@@ -73,32 +73,32 @@ const SHOTS: [Shot; 10] = [
         ..BASE
     },
     BASE,
-    Shot {
+    DemoShot {
         file: "pop-3",
         label: "pop, threshold 3 px",
         threshold_px: 3.0,
         ..BASE
     },
-    Shot {
+    DemoShot {
         file: "pop-8",
         label: "pop, threshold 8 px",
         threshold_px: 8.0,
         ..BASE
     },
-    Shot {
+    DemoShot {
         file: "filtered-1",
         label: "filtered, threshold 1 px",
         splat: SplatKind::Filtered,
         ..BASE
     },
-    Shot {
+    DemoShot {
         file: "pop-near",
         label: "pop, threshold 3 px, near",
         threshold_px: 3.0,
         fill: 6.0,
         ..BASE
     },
-    Shot {
+    DemoShot {
         file: "pop-near-kinds",
         label: "the same: triangles blue",
         threshold_px: 3.0,
@@ -106,13 +106,13 @@ const SHOTS: [Shot; 10] = [
         fill: 6.0,
         ..BASE
     },
-    Shot {
+    DemoShot {
         file: "pop-far",
         label: "pop, threshold 1 px, far",
         fill: 0.125,
         ..BASE
     },
-    Shot {
+    DemoShot {
         file: "filtered-far",
         label: "filtered, 1 px, far",
         splat: SplatKind::Filtered,
@@ -121,7 +121,7 @@ const SHOTS: [Shot; 10] = [
     },
 ];
 
-impl Shot {
+impl DemoShot {
     fn settings(&self) -> Settings {
         Settings {
             method: self.method,
@@ -132,17 +132,17 @@ impl Shot {
         }
     }
 
-    /// Whether this can draw a model without triangles.
+    /// Tells whether this can draw a model without triangles.
     fn draws_clouds(&self) -> bool {
         self.method != Method::Triangles && self.splat == SplatKind::Square
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
-    let source = Source {
+pub(crate) fn run(args: DemoArgs, quiet: bool) -> Outcome {
+    let source = ModelArgs {
         model: args.model.clone(),
         weld: false,
-        frame: Framing::Robust,
+        frame: ViewFraming::Robust,
         surface: SurfaceArgs::default(),
         keep: KeepArgs::default(),
     };
@@ -159,11 +159,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let backend = args.device.open()?;
     say(&format!("drawing on {}", backend.name()));
     let mut engine = Engine::new(&backend, model, args.size, PictureOutputs::default())?;
-    let settings: Vec<Settings> = SHOTS.iter().map(Shot::settings).collect();
+    let settings: Vec<Settings> = SHOTS.iter().map(DemoShot::settings).collect();
     engine.set_costs(costs_of(&backend, &settings));
     // Only now, so that a model or device that is not there leaves no folder behind.
     std::fs::create_dir_all(&args.output).map_err(|e| {
-        Failure::Run(
+        CommandFailure::Run(
             anyhow::Error::new(e)
                 .context(format!("cannot make the folder {}", args.output.display())),
         )
@@ -181,7 +181,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let mut reference_ms = f64::NAN;
     for shot in &SHOTS {
         if super::progress::is_interrupted() {
-            return Err(Failure::Run(anyhow::anyhow!("cancelled")));
+            return Err(CommandFailure::Run(anyhow::anyhow!("cancelled")));
         }
         if model.kind().is_points() && !shot.draws_clouds() {
             bar.inc(1);

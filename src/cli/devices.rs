@@ -1,6 +1,6 @@
 //! `surfel devices`
 
-use super::{Failure, Outcome, bytes, print, say};
+use super::{CommandFailure, Outcome, bytes, print, say};
 use std::fmt::Write;
 use surfel::bench::calibrate::{CalibrationPart, DeviceCalibration, FoundCalibration};
 use surfel::bench::rates;
@@ -13,7 +13,7 @@ use surfel::render::cost::model::{DrawCosts, PRIMITIVE_SIZES_PX, PassCosts, SIZE
 #[command(
     after_help = "Examples:\n  surfel devices\n  surfel devices --self-test\n  surfel devices --calibrate\n  surfel devices --json"
 )]
-pub(crate) struct Args {
+pub(crate) struct DevicesArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -94,7 +94,7 @@ fn costs_text(found: &FoundCalibration) -> String {
     out
 }
 
-pub(crate) fn run(args: Args) -> Outcome {
+pub(crate) fn run(args: DevicesArgs) -> Outcome {
     let devices = device::list()?;
     let mut reports = Vec::new();
     for info in &devices {
@@ -140,7 +140,8 @@ pub(crate) fn run(args: Args) -> Outcome {
                 })
             })
             .collect();
-        let text = serde_json::to_string_pretty(&rows).map_err(|e| Failure::Run(e.into()))?;
+        let text =
+            serde_json::to_string_pretty(&rows).map_err(|e| CommandFailure::Run(e.into()))?;
         return print(&(text + "\n"));
     }
     let mut out = String::new();

@@ -1,6 +1,6 @@
 //! The options of patches: nodes that are drawn as one polygon once their error is small.
 
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
 use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::render::Method;
@@ -28,7 +28,7 @@ pub(crate) struct ErrorArgs {
 
 impl ErrorArgs {
     /// The rules; `None` where none are given.
-    pub(crate) fn rules(&self, method: Method) -> Result<Option<PatchRules>, Failure> {
+    pub(crate) fn rules(&self, method: Method) -> Result<Option<PatchRules>, CommandFailure> {
         let Some(tolerances) = self.error else {
             return match self.bound {
                 ErrorBoundName::Mean => Ok(None),

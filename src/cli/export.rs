@@ -1,8 +1,8 @@
 //! `surfel export`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::source::KeepArgs;
-use super::{Failure, Outcome, count, say, usage};
+use super::{CommandFailure, Outcome, count, say, usage};
 use std::path::PathBuf;
 use surfel::open::export::{ExportOptions, export, format_of};
 
@@ -11,7 +11,7 @@ use surfel::open::export::{ExportOptions, export, format_of};
 #[command(
     after_help = "Examples:\n  surfel export tile.laz --keep class=2 -o ground.laz\n  surfel export tile.laz --clip-box 0,0,0,100,100,50 --spacing 0.1 -o part.ply"
 )]
-pub(crate) struct Args {
+pub(crate) struct ExportArgs {
     /// Point cloud: a file, or - for standard input
     #[arg(value_name = "MODEL")]
     model: PathBuf,
@@ -32,7 +32,7 @@ fn parse_spacing(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: ExportArgs, quiet: bool) -> Outcome {
     let Some(format) = format_of(&args.output) else {
         return Err(usage(format!(
             "--output {}: the ending must be ply, las or laz",
@@ -45,11 +45,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         spacing: args.spacing,
         ..ExportOptions::default()
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let report = export(&args.model, &options, (format, &args.output), &bar);
     drop(bar);
     let report = report.map_err(|error| match error {
-        surfel::Error::Generate(error) => Failure::Run(error.into()),
+        surfel::Error::Generate(error) => CommandFailure::Run(error.into()),
         other => other.into(),
     })?;
     for warning in &report.warnings {

@@ -1,6 +1,6 @@
 //! `surfel generate`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::{Outcome, count, say, usage};
 use std::path::PathBuf;
 use surfel::generate::{self, GeneratedShape, ShapeSpec};
@@ -10,7 +10,7 @@ use surfel::generate::{self, GeneratedShape, ShapeSpec};
 #[command(
     after_help = "Examples:\n  surfel generate sphere --triangles 1000000 -o sphere.ply\n  surfel generate torus --grid 2000x1000 -o torus.ply\n  surfel generate statue --triangles 64000000 -o statue.ply\n\nThe file is streamed: any size needs little memory."
 )]
-pub(crate) struct Args {
+pub(crate) struct GenerateArgs {
     /// square, sphere, torus or statue
     shape: GeneratedShape,
     /// Number of triangles wanted; the nearest grid is taken
@@ -29,7 +29,7 @@ pub(crate) struct Args {
     output: PathBuf,
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: GenerateArgs, quiet: bool) -> Outcome {
     let spec = match &args.grid {
         None => ShapeSpec::with_triangles(args.shape, args.triangles)?,
         Some(text) => {
@@ -45,14 +45,16 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         }
     };
     super::require_folder(&args.output)?;
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     if args.output == std::path::Path::new("-") {
         let mut out = std::io::BufWriter::with_capacity(1 << 20, std::io::stdout().lock());
         let written = generate::write_ply(&spec, &mut out, &bar)
             .and_then(|()| Ok(std::io::Write::flush(&mut out)?));
         match written {
             // A reader that went away is no failure.
-            Err(generate::Error::Stream(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => {
+            Err(generate::GenerateError::Stream(e))
+                if e.kind() == std::io::ErrorKind::BrokenPipe =>
+            {
                 // What is left in the buffer has nowhere to go.
                 let _ = out.into_parts();
                 return Ok(());

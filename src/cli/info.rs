@@ -1,8 +1,8 @@
 //! `surfel info`
 
-use super::progress::Bar;
-use super::source::{ColorArgs, Source};
-use super::{Failure, Outcome, bytes, count, print};
+use super::progress::JobBar;
+use super::source::{ColorArgs, ModelArgs};
+use super::{CommandFailure, Outcome, bytes, count, print};
 use serde_json::json;
 use std::fmt::Write;
 use surfel::OpenedModel;
@@ -16,9 +16,9 @@ use surfel::photos::formats::locate_scene;
 #[command(
     after_help = "Examples:\n  surfel info dragon.ply.gz\n  surfel info --json scan.ply\n  surfel info castle/scene.mvs      cameras of photographs, and whether their conventions look right"
 )]
-pub(crate) struct Args {
+pub(crate) struct InfoArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -166,7 +166,7 @@ fn parts(parts: &[FilePart]) -> String {
     out
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: InfoArgs, quiet: bool) -> Outcome {
     let path = &args.source.model;
     if path.is_dir() || locate_scene(path).is_ok() {
         return super::photos::info(path, args.json);
@@ -175,11 +175,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         &ColorArgs::default(),
         true,
         MeshPlacement::default(),
-        &Bar::new(quiet),
+        &JobBar::new(quiet),
     )?;
     let facts = facts(&ready);
     if args.json {
-        let text = serde_json::to_string_pretty(&facts).map_err(|e| Failure::Run(e.into()))?;
+        let text =
+            serde_json::to_string_pretty(&facts).map_err(|e| CommandFailure::Run(e.into()))?;
         return print(&(text + "\n"));
     }
     let m = &ready.model;

@@ -1,7 +1,7 @@
 //! `surfel join`
 
-use super::progress::Bar;
-use super::{Failure, Outcome, bytes, count, say, usage};
+use super::progress::JobBar;
+use super::{CommandFailure, Outcome, bytes, count, say, usage};
 use anyhow::Context;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,7 +22,7 @@ Tiles can be built at once, on one machine or many, and joined when all are ther
   for tile in tiles/*.laz; do echo $tile; done | xargs -P 4 -I F surfel build F --memory 1GiB
 
 Nothing is copied: the files must stay where they are, seen from the joined one. Made anew they are joined anew.")]
-pub(crate) struct Args {
+pub(crate) struct JoinArgs {
     /// Paged trees (surfel build --paged or --memory), all of triangles or all of points; files or addresses
     #[arg(value_name = "TREE", required = true)]
     trees: Vec<PathBuf>,
@@ -46,7 +46,7 @@ fn open(tree: &Path, folder: &Path) -> anyhow::Result<ForestMember> {
     Ok(ForestMember { path, file })
 }
 
-pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: &JoinArgs, quiet: bool) -> Outcome {
     super::require_folder(&args.output)?;
     let folder = match args.output.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
                     "{name} cannot be joined; trees to be joined are paged (surfel build --paged)"
                 )
             })
-            .map_err(Failure::Input)?;
+            .map_err(CommandFailure::Input)?;
         if let Some(other) = members.iter().find(|other| other.path == own.path) {
             return Err(usage(format!("{} is named twice", other.path)));
         }
@@ -73,7 +73,7 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
         }
         members.push(own);
     }
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let joined = forest::write(&members, &args.output, &bar);
     drop(bar);
     let report = joined.map_err(|error| match error {
@@ -82,9 +82,9 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
         }
         ForestError::Tree(error @ tree::Error::Io { .. }) => {
             let context = format!("cannot write {}", args.output.display());
-            Failure::Run(anyhow::Error::new(error).context(context))
+            CommandFailure::Run(anyhow::Error::new(error).context(context))
         }
-        other => Failure::Input(other.into()),
+        other => CommandFailure::Input(other.into()),
     })?;
     if !quiet {
         say(&format!(

@@ -1,10 +1,10 @@
 //! The options that say where light comes from.
 
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
 use glam::DVec3;
 use surfel::pack::lit_sphere::LitSphere;
-use surfel::pack::{Lamp, Lighting, Phong};
+use surfel::pack::{Lamp, Phong, SurfaceLighting};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum LightName {
@@ -63,7 +63,7 @@ impl LightArgs {
         self.light.get_or_insert(LightName::Studio);
     }
 
-    pub(crate) fn lighting(&self) -> Result<Lighting, Failure> {
+    pub(crate) fn lighting(&self) -> Result<SurfaceLighting, CommandFailure> {
         let light = self.light.unwrap_or(LightName::Headlight);
         if light != LightName::Phong {
             let sphere = light.sphere();
@@ -80,7 +80,7 @@ impl LightArgs {
                     sphere.map_or("the headlight", LitSphere::name),
                     if sphere.is_some() { "use" } else { "add" },
                 ))),
-                None => Ok(sphere.map_or(Lighting::Headlight, Lighting::Sphere)),
+                None => Ok(sphere.map_or(SurfaceLighting::Headlight, SurfaceLighting::Sphere)),
             };
         }
         let usual = Phong::default();
@@ -94,7 +94,7 @@ impl LightArgs {
                 )))
             }
         };
-        Ok(Lighting::Phong(Phong {
+        Ok(SurfaceLighting::Phong(Phong {
             lamp: match (self.light_at, self.light_position) {
                 (_, Some(position)) => Lamp::At(DVec3::from(position)),
                 (Some([azimuth, elevation]), None) => Lamp::FromCamera {
@@ -111,11 +111,11 @@ impl LightArgs {
 }
 
 /// The light as `--stats` writes it: angles in degrees, positions in world units.
-pub(crate) fn facts(light: &Lighting) -> serde_json::Value {
+pub(crate) fn facts(light: &SurfaceLighting) -> serde_json::Value {
     let phong = match light {
-        Lighting::Headlight => return serde_json::json!({ "kind": "headlight" }),
-        Lighting::Sphere(sphere) => return serde_json::json!({ "kind": sphere.name() }),
-        Lighting::Phong(phong) => phong,
+        SurfaceLighting::Headlight => return serde_json::json!({ "kind": "headlight" }),
+        SurfaceLighting::Sphere(sphere) => return serde_json::json!({ "kind": sphere.name() }),
+        SurfaceLighting::Phong(phong) => phong,
     };
     let mut facts = serde_json::json!({
         "kind": "phong",

@@ -6,7 +6,7 @@ use super::darkening::DarkeningArgs;
 use super::error_patches::ErrorArgs;
 use super::light::LightArgs;
 use super::vertex_splats::VertexSplatArgs;
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::builder::Resettable;
 use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use std::ffi::OsString;
@@ -14,8 +14,8 @@ use surfel::cut::SizeMetric;
 use surfel::input::PointColoring;
 use surfel::pack::ColorBy;
 use surfel::render::{
-    Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
-    SplatKind, SumFormat, Traversal,
+    Blend, Culling, CutOn, CutTraversal, ListOf, Method, Occlusion, Path, Reconstruction, Settings,
+    Shading, SplatKind, SumFormat,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -134,9 +134,9 @@ enum PathName {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum CutOnName {
-    /// The device where it can and was measured to be faster, else the host
+    /// The device where it can and was measured to be faster, else the processor
     Auto,
-    /// The host
+    /// The processor
     Host,
     /// The device; an error where it cannot
     Device,
@@ -154,9 +154,9 @@ enum TraversalName {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum ListOfName {
-    /// Numbers where the device has memory of its own and they will do, else records
+    /// Ids where the device has memory of its own and they suffice, else records
     Auto,
-    /// Numbers of nodes and triangles, from which the device makes the records; an error where it cannot
+    /// Ids of nodes and triangles, from which the device makes the records; an error where it cannot
     Ids,
     /// Centers, normals and colors of splats, corners of triangles
     Records,
@@ -288,8 +288,8 @@ impl LookArgs {
         self.threshold.get_or_insert(pixels);
     }
 
-    /// This look with the options in `text` (separated by blanks) instead of what they say otherwise.
-    pub(crate) fn varied(&self, text: &str) -> Result<Self, Failure> {
+    /// Varies the look by the options in `text` (separated by blanks), which replace what it says otherwise.
+    pub(crate) fn varied(&self, text: &str) -> Result<Self, CommandFailure> {
         // Without default values only what is written comes out; flags can be added and not taken back.
         let mut command =
             Self::augment_args_for_update(Command::new("--with").no_binary_name(true))
@@ -334,7 +334,7 @@ impl LookArgs {
     ///
     /// # Errors
     /// When points are to be colored, which this command does not do.
-    fn picture_color(&self) -> Result<ColorByName, Failure> {
+    fn picture_color(&self) -> Result<ColorByName, CommandFailure> {
         match &self.color_by {
             ColorChoice::Picture(name) => Ok(*name),
             ColorChoice::Points(_) => Err(usage(
@@ -357,13 +357,13 @@ impl LookArgs {
         self.splat.is_some()
     }
 
-    /// Whether the method follows from a bound.
+    /// Tells whether the method follows from a bound.
     pub(crate) fn is_auto(&self) -> bool {
         self.method == MethodName::Auto
     }
 
     /// The settings; of [`Self::is_auto`] only for a command that then chooses.
-    pub(crate) fn settings_to_choose(&self) -> Result<Settings, Failure> {
+    pub(crate) fn settings_to_choose(&self) -> Result<Settings, CommandFailure> {
         let settings = self.all_settings()?;
         let usual = Settings::default();
         if self.is_auto()
@@ -381,14 +381,14 @@ impl LookArgs {
         Ok(settings)
     }
 
-    pub(crate) fn settings(&self) -> Result<Settings, Failure> {
+    pub(crate) fn settings(&self) -> Result<Settings, CommandFailure> {
         if self.is_auto() {
             return Err(usage("--method auto is for surfel render"));
         }
         self.all_settings()
     }
 
-    fn all_settings(&self) -> Result<Settings, Failure> {
+    fn all_settings(&self) -> Result<Settings, CommandFailure> {
         let threshold = self.threshold.unwrap_or(1.0);
         if !(0.0..=4096.0).contains(&threshold) {
             return Err(usage(format!(
@@ -449,9 +449,9 @@ impl LookArgs {
                 CutOnName::Device => CutOn::Device,
             },
             traversal: match self.traversal {
-                TraversalName::Auto => Traversal::Auto,
-                TraversalName::Root => Traversal::Root,
-                TraversalName::Coherent => Traversal::Coherent,
+                TraversalName::Auto => CutTraversal::Auto,
+                TraversalName::Root => CutTraversal::Root,
+                TraversalName::Coherent => CutTraversal::Coherent,
             },
             list_of: match self.list_of {
                 ListOfName::Auto => ListOf::Auto,
@@ -502,14 +502,14 @@ mod tests {
     use super::*;
 
     #[derive(Debug, clap::Parser)]
-    struct Line {
+    struct VariedLine {
         #[command(flatten)]
         look: LookArgs,
     }
 
     fn look(line: &[&str]) -> LookArgs {
         let words = std::iter::once(&"test").chain(line);
-        <Line as clap::Parser>::parse_from(words).look
+        <VariedLine as clap::Parser>::parse_from(words).look
     }
 
     #[test]

@@ -15,7 +15,7 @@ Examples:
 /// Print a manual page, or write all of them into a folder.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct ManArgs {
     /// Command whose page is printed [default: the program]
     #[arg(value_name = "COMMAND", conflicts_with = "output")]
     command: Vec<String>,
@@ -25,7 +25,7 @@ pub(crate) struct Args {
 }
 
 /// Prints a page of `program`, or writes all of them.
-pub(crate) fn run(args: &Args, program: Command) -> Outcome {
+pub(crate) fn run(args: &ManArgs, program: Command) -> Outcome {
     let mut program = program.disable_help_subcommand(true);
     // Names of commands within commands are known only then.
     program.build();
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &Args, program: Command) -> Outcome {
 fn command_named<'a>(
     program: &'a Command,
     words: &[String],
-) -> Result<&'a Command, super::Failure> {
+) -> Result<&'a Command, super::CommandFailure> {
     words.iter().try_fold(program, |command, word| {
         command
             .find_subcommand(word)
@@ -55,7 +55,7 @@ fn command_named<'a>(
 }
 
 /// Manual page of a command in roff. There is no date in it: the same program writes the same page.
-fn page(command: &Command) -> Result<String, super::Failure> {
+fn page(command: &Command) -> Result<String, super::CommandFailure> {
     let after = command.get_after_help().map(ToString::to_string);
     let plain = command.clone().after_help(None);
     let mut bytes = Vec::new();
@@ -64,7 +64,7 @@ fn page(command: &Command) -> Result<String, super::Failure> {
         .manual("surfel")
         .render(&mut bytes)
         .and_then(|()| sections(&after.unwrap_or_default()).to_writer(&mut bytes));
-    written.map_err(|error| super::Failure::Run(anyhow::Error::new(error)))?;
+    written.map_err(|error| super::CommandFailure::Run(anyhow::Error::new(error)))?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 

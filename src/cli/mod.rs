@@ -58,16 +58,16 @@ use tracing_subscriber::fmt::format::FmtSpan;
 
 /// Why a command ended early.
 #[derive(Debug)]
-pub(crate) enum Failure {
+pub(crate) enum CommandFailure {
     /// Bad usage or bad input: exit code 2.
     Input(anyhow::Error),
     /// The run failed: exit code 1.
     Run(anyhow::Error),
 }
 
-pub(crate) type Outcome = Result<(), Failure>;
+pub(crate) type Outcome = Result<(), CommandFailure>;
 
-/// Whether a device's error is of what was asked for.
+/// Tells whether a device's error is of what was asked for.
 fn is_of_input(error: &surfel::gpu::Error) -> bool {
     use surfel::gpu::Error as G;
     matches!(
@@ -76,10 +76,10 @@ fn is_of_input(error: &surfel::gpu::Error) -> bool {
     )
 }
 
-impl From<surfel::Error> for Failure {
+impl From<surfel::Error> for CommandFailure {
     fn from(error: surfel::Error) -> Self {
         use surfel::Error as E;
-        use surfel::generate::Error as G;
+        use surfel::generate::GenerateError as G;
         use surfel::photos::error::PhotoError as P;
         let is_input = match &error {
             error if error.is_cancelled() => false,
@@ -90,12 +90,16 @@ impl From<surfel::Error> for Failure {
             E::Photos(P::Gpu(g)) => is_of_input(g),
             E::Photos(P::Picture(_) | P::Cancelled) => false,
             E::Photos(_) => true,
-            E::Bench(surfel::bench::Error::Memory { .. } | surfel::bench::Error::Camera(_)) => true,
-            E::Chart(surfel::chart::Error::Rows { .. } | surfel::chart::Error::Camera(_)) => true,
+            E::Bench(
+                surfel::bench::BenchError::Memory { .. } | surfel::bench::BenchError::Camera(_),
+            ) => true,
+            E::Chart(
+                surfel::chart::ChartError::Rows { .. } | surfel::chart::ChartError::Camera(_),
+            ) => true,
             E::Gpu(g)
-            | E::Profile(surfel::measure::profile::Error::Gpu(g))
-            | E::Chart(surfel::chart::Error::Gpu(g))
-            | E::Bench(surfel::bench::Error::Gpu(g)) => is_of_input(g),
+            | E::Profile(surfel::measure::profile::ProfileError::Gpu(g))
+            | E::Chart(surfel::chart::ChartError::Gpu(g))
+            | E::Bench(surfel::bench::BenchError::Gpu(g)) => is_of_input(g),
             _ => false,
         };
         if is_input {
@@ -108,7 +112,7 @@ impl From<surfel::Error> for Failure {
 
 macro_rules! failure_from {
     ($($type:ty),+) => {$(
-        impl From<$type> for Failure {
+        impl From<$type> for CommandFailure {
             fn from(error: $type) -> Self {
                 surfel::Error::from(error).into()
             }
@@ -119,19 +123,19 @@ macro_rules! failure_from {
 failure_from!(
     surfel::input::Error,
     surfel::tree::Error,
-    surfel::math::camera::Error,
+    surfel::math::camera::CameraError,
     surfel::image::Error,
     surfel::gpu::Error,
-    surfel::generate::Error,
-    surfel::measure::profile::Error,
-    surfel::failures::Error,
-    surfel::chart::Error,
-    surfel::bench::Error
+    surfel::generate::GenerateError,
+    surfel::measure::profile::ProfileError,
+    surfel::failures::FailuresError,
+    surfel::chart::ChartError,
+    surfel::bench::BenchError
 );
 
 /// A usage error with the given text.
-pub(crate) fn usage(text: impl Into<String>) -> Failure {
-    Failure::Input(anyhow::Error::msg(text.into()))
+pub(crate) fn usage(text: impl Into<String>) -> CommandFailure {
+    CommandFailure::Input(anyhow::Error::msg(text.into()))
 }
 
 const EXAMPLES: &str = "\
@@ -180,7 +184,7 @@ fn version() -> String {
 #[derive(Debug, Parser)]
 #[command(name = "surfel", version, long_version = version(), after_help = help(), subcommand_negates_reqs = true)]
 #[command(arg_required_else_help = cfg!(not(feature = "viewer")))]
-struct Cli {
+struct CommandLine {
     /// What to log on standard error, such as `info` or `surfel=debug`.
     #[arg(
         long,
@@ -194,55 +198,55 @@ struct Cli {
     #[arg(long, short, global = true)]
     quiet: bool,
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Option<ProgramCommand>,
     #[cfg(feature = "viewer")]
     #[command(flatten)]
-    view: view::Args,
+    view: view::ViewArgs,
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum ProgramCommand {
     /// Draw a model into a picture file
-    Render(Box<render::Args>),
+    Render(Box<render::RenderArgs>),
     /// Build the tree of a model and write it to a file that opens at once
-    Build(build::Args),
+    Build(build::BuildArgs),
     /// Write what is kept of a point cloud, with all that its points carry
-    Export(export::Args),
+    Export(export::ExportArgs),
     /// Say what is in a model file or a scene of photographs
-    Info(info::Args),
+    Info(info::InfoArgs),
     /// Check a model file and every invariant of its tree
-    Check(check::Args),
+    Check(check::CheckArgs),
     /// Write a generated model as PLY
-    Generate(generate::Args),
+    Generate(generate::GenerateArgs),
     /// Compare two pictures: FLIP, PSNR, SSIM, coverage, the worst place
-    Compare(Box<compare::Args>),
+    Compare(Box<compare::CompareArgs>),
     /// List the built-in scenes that methods fail at
-    Scenes(scenes::Args),
+    Scenes(scenes::ScenesArgs),
     /// Join paged trees into one model that refers to their files
-    Join(join::Args),
+    Join(join::JoinArgs),
     /// Serve the paged trees of a folder over http
     #[cfg(feature = "remote")]
-    Serve(serve::Args),
+    Serve(serve::ServeArgs),
     /// Measure what each pass and each stage of a frame costs
-    Profile(Box<profile::Args>),
+    Profile(Box<profile::ProfileArgs>),
     /// Measure how steady pictures are in motion: flicker, popping, churn of the cut
-    Motion(Box<motion::Args>),
+    Motion(Box<motion::MotionArgs>),
     /// Measure nodes drawn as one polygon where their error is small
-    Patches(Box<patches::Args>),
+    Patches(Box<patches::PatchesArgs>),
     /// Photographs on a mesh: draw it with them, or predict each from the others
-    Photos(Box<photos::Args>),
+    Photos(Box<photos::PhotosArgs>),
     /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
-    Stability(stability::Args),
+    Stability(stability::StabilityArgs),
     /// Measure time and error of every method, splat and threshold, and draw them as a chart
-    Chart(Box<chart::Args>),
+    Chart(Box<chart::ChartArgs>),
     /// Measure every figure that the program has to reach, with pass or miss
-    Bench(bench::Args),
+    Bench(bench::BenchArgs),
     /// Print published tables beside what is measured here
-    Reproduce(reproduce::Args),
+    Reproduce(reproduce::ReproduceArgs),
     /// List the devices of this machine and the limits that matter
-    Devices(devices::Args),
+    Devices(devices::DevicesArgs),
     /// Draw the built-in statue with every method
-    Demo(demo::Args),
+    Demo(demo::DemoArgs),
     /// Print a completion script for a shell
     #[command(
         after_help = "Example:\n  surfel completions bash > ~/.local/share/bash-completion/completions/surfel"
@@ -252,17 +256,17 @@ enum Command {
         shell: clap_complete::Shell,
     },
     /// Print a manual page, or write all of them into a folder
-    Man(man::Args),
+    Man(man::ManArgs),
     /// Give the window random input for some minutes, and watch memory and messages
     #[cfg(feature = "viewer")]
     #[command(hide = true)]
-    Soak(soak::Args),
+    Soak(soak::SoakArgs),
 }
 
 /// Parses the arguments. Those of the window do not go with a command; those of every command may stand before it
 /// (`args_conflicts_with_subcommands` would refuse these as well).
-fn parse() -> Result<Cli, clap::Error> {
-    let mut command = Cli::command();
+fn parse() -> Result<CommandLine, clap::Error> {
+    let mut command = CommandLine::command();
     let matches =
         command.try_get_matches_from_mut(renamed::in_words(std::env::args_os().collect()))?;
     let is_given = |arg: &&clap::Arg| {
@@ -277,7 +281,7 @@ fn parse() -> Result<Cli, clap::Error> {
         let text = format!("'{arg}' does not go with the command '{name}'");
         return Err(command.error(ErrorKind::ArgumentConflict, text));
     }
-    let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command));
+    let cli = CommandLine::from_arg_matches(&matches).map_err(|error| error.format(&mut command));
     #[cfg(feature = "viewer")]
     let cli = cli.map(|mut cli| {
         cli.view.note_given(&matches);
@@ -317,36 +321,36 @@ pub(crate) fn main() -> ExitCode {
     progress::catch_interrupt();
     let quiet = cli.quiet;
     let outcome = match cli.command {
-        Some(Command::Render(args)) => render::run(*args, quiet),
-        Some(Command::Build(args)) => build::run(args, quiet),
-        Some(Command::Export(args)) => export::run(args, quiet),
-        Some(Command::Info(args)) => info::run(args, quiet),
-        Some(Command::Check(args)) => check::run(args, quiet),
-        Some(Command::Generate(args)) => generate::run(args, quiet),
-        Some(Command::Compare(args)) => compare::run(*args),
-        Some(Command::Scenes(args)) => scenes::run(args),
-        Some(Command::Join(args)) => join::run(&args, quiet),
+        Some(ProgramCommand::Render(args)) => render::run(*args, quiet),
+        Some(ProgramCommand::Build(args)) => build::run(args, quiet),
+        Some(ProgramCommand::Export(args)) => export::run(args, quiet),
+        Some(ProgramCommand::Info(args)) => info::run(args, quiet),
+        Some(ProgramCommand::Check(args)) => check::run(args, quiet),
+        Some(ProgramCommand::Generate(args)) => generate::run(args, quiet),
+        Some(ProgramCommand::Compare(args)) => compare::run(*args),
+        Some(ProgramCommand::Scenes(args)) => scenes::run(args),
+        Some(ProgramCommand::Join(args)) => join::run(&args, quiet),
         #[cfg(feature = "remote")]
-        Some(Command::Serve(args)) => serve::run(&args),
-        Some(Command::Profile(args)) => profile::run(*args, quiet),
-        Some(Command::Motion(args)) => motion::run(*args, quiet),
-        Some(Command::Patches(args)) => patches::run(*args, quiet),
-        Some(Command::Photos(args)) => photos::run(*args, quiet),
-        Some(Command::Stability(args)) => stability::run(args, quiet),
-        Some(Command::Chart(args)) => chart::run(*args, quiet),
-        Some(Command::Bench(args)) => bench::run(args, quiet),
-        Some(Command::Reproduce(args)) => reproduce::run(args, quiet),
-        Some(Command::Devices(args)) => devices::run(args),
-        Some(Command::Demo(args)) => demo::run(args, quiet),
-        Some(Command::Completions { shell }) => {
+        Some(ProgramCommand::Serve(args)) => serve::run(&args),
+        Some(ProgramCommand::Profile(args)) => profile::run(*args, quiet),
+        Some(ProgramCommand::Motion(args)) => motion::run(*args, quiet),
+        Some(ProgramCommand::Patches(args)) => patches::run(*args, quiet),
+        Some(ProgramCommand::Photos(args)) => photos::run(*args, quiet),
+        Some(ProgramCommand::Stability(args)) => stability::run(args, quiet),
+        Some(ProgramCommand::Chart(args)) => chart::run(*args, quiet),
+        Some(ProgramCommand::Bench(args)) => bench::run(args, quiet),
+        Some(ProgramCommand::Reproduce(args)) => reproduce::run(args, quiet),
+        Some(ProgramCommand::Devices(args)) => devices::run(args),
+        Some(ProgramCommand::Demo(args)) => demo::run(args, quiet),
+        Some(ProgramCommand::Completions { shell }) => {
             // Not straight to standard output: the generator panics when its reader goes away.
             let mut script = Vec::new();
-            clap_complete::generate(shell, &mut Cli::command(), "surfel", &mut script);
+            clap_complete::generate(shell, &mut CommandLine::command(), "surfel", &mut script);
             print(&String::from_utf8_lossy(&script))
         }
-        Some(Command::Man(args)) => man::run(&args, Cli::command()),
+        Some(ProgramCommand::Man(args)) => man::run(&args, CommandLine::command()),
         #[cfg(feature = "viewer")]
-        Some(Command::Soak(args)) => soak::run(&args, quiet),
+        Some(ProgramCommand::Soak(args)) => soak::run(&args, quiet),
         #[cfg(feature = "viewer")]
         None => view::run(cli.view, quiet),
         #[cfg(not(feature = "viewer"))]
@@ -354,11 +358,11 @@ pub(crate) fn main() -> ExitCode {
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        Err(Failure::Input(error)) => {
+        Err(CommandFailure::Input(error)) => {
             say(&format!("surfel: {}", with_driver_hint(chain(&error))));
             ExitCode::from(2)
         }
-        Err(Failure::Run(error)) => {
+        Err(CommandFailure::Run(error)) => {
             say(&format!("surfel: {}", with_driver_hint(chain(&error))));
             ExitCode::from(1)
         }
@@ -397,7 +401,7 @@ pub(crate) fn chain(error: &anyhow::Error) -> String {
     text
 }
 
-/// Whether colors make sense on standard error: on a terminal, unless the user wants none (no-color.org).
+/// Tells whether colors make sense on standard error: on a terminal, unless the user wants none (no-color.org).
 fn is_colorful() -> bool {
     std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
 }
@@ -439,7 +443,7 @@ pub(crate) fn require_folder(path: &Path) -> Outcome {
     } else {
         "does not exist"
     };
-    Err(Failure::Run(anyhow::anyhow!(
+    Err(CommandFailure::Run(anyhow::anyhow!(
         "cannot write {}: {} {reason}",
         path.display(),
         folder.display()
@@ -463,7 +467,7 @@ pub(crate) fn print_bytes(bytes: &[u8]) -> Outcome {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::Run(
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(CommandFailure::Run(
             anyhow::Error::new(e).context("cannot write to standard output"),
         )),
         _ => Ok(()),
@@ -494,7 +498,9 @@ pub(crate) fn write_text(path: &Path, text: &str) -> Outcome {
         Ok(())
     };
     write().map_err(|e| {
-        Failure::Run(anyhow::Error::new(e).context(format!("cannot write {}", path.display())))
+        CommandFailure::Run(
+            anyhow::Error::new(e).context(format!("cannot write {}", path.display())),
+        )
     })
 }
 

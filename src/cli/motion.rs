@@ -2,16 +2,16 @@
 
 use super::cameras::{CameraArgs, orbit_cameras, parse_orbit};
 use super::look::LookArgs;
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::source::Source;
+use super::source::ModelArgs;
 use super::stats::{device_of, settings_of};
-use super::{Failure, Outcome, print, usage, write_text};
+use super::{CommandFailure, Outcome, print, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use surfel::measure::motion::{self, MotionSteps, MotionSubject, MotionTarget, Plan};
+use surfel::measure::motion::{self, MotionPlan, MotionSteps, MotionSubject, MotionTarget};
 use surfel::measure::temporal::{PictureSequence, TILE, TemporalRules};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::Engine;
@@ -29,7 +29,7 @@ Each frame is compared with the last, less what changes in the reference: triang
 means.";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum PathName {
+enum MotionPathName {
     /// The camera turns about the model
     Orbit,
     /// The camera goes straight ahead
@@ -38,12 +38,12 @@ enum PathName {
     Refine,
 }
 
-impl From<PathName> for motion::CameraPath {
-    fn from(name: PathName) -> Self {
+impl From<MotionPathName> for motion::CameraPath {
+    fn from(name: MotionPathName) -> Self {
         match name {
-            PathName::Orbit => Self::Orbit,
-            PathName::Dolly => Self::Dolly,
-            PathName::Refine => Self::Refine,
+            MotionPathName::Orbit => Self::Orbit,
+            MotionPathName::Dolly => Self::Dolly,
+            MotionPathName::Refine => Self::Refine,
         }
     }
 }
@@ -51,12 +51,12 @@ impl From<PathName> for motion::CameraPath {
 /// Measure flicker, popping and churn of the cut along a path.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct MotionArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// What moves
     #[arg(long, value_enum, default_value = "orbit")]
-    along: PathName,
+    along: MotionPathName,
     /// Steps from frame to frame; there is one frame more
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     steps: u32,
@@ -98,7 +98,7 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-impl Args {
+impl MotionArgs {
     fn check(&self) -> Outcome {
         if !(self.degrees_per_step > 0.0 && self.degrees_per_step <= 45.0) {
             return Err(usage(format!(
@@ -137,7 +137,7 @@ impl Args {
             // Now, and not after minutes of work.
             std::fs::create_dir_all(folder).map_err(|e| {
                 let what = format!("cannot make the folder {}", folder.display());
-                Failure::Run(anyhow::Error::new(e).context(what))
+                CommandFailure::Run(anyhow::Error::new(e).context(what))
             })?;
         }
         Ok(())
@@ -149,7 +149,7 @@ impl Args {
     }
 
     /// The yardstick, the look of the command line, and those beside it.
-    fn subjects(&self) -> Result<Vec<MotionSubject>, Failure> {
+    fn subjects(&self) -> Result<Vec<MotionSubject>, CommandFailure> {
         let base = self.look.settings()?;
         let mut subjects = vec![MotionSubject {
             label: "one exact sample".into(),
@@ -174,7 +174,7 @@ impl Args {
         Ok(subjects)
     }
 
-    /// Whether standard output is taken by data for programs.
+    /// Tells whether standard output is taken by data for programs.
     fn takes_output(&self) -> bool {
         [&self.json, &self.csv]
             .into_iter()
@@ -193,7 +193,7 @@ fn name(settings: &Settings) -> String {
     format!("{method}, {splat}, {} px", settings.threshold_px)
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: MotionArgs, quiet: bool) -> Outcome {
     args.check()?;
     let mut subjects = args.subjects()?;
     let camera = args.camera.read()?;
@@ -224,7 +224,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let size = (start.width, start.height);
     let backend = args.device.open()?;
     let mut engine = Engine::new(&backend, model, size, PictureOutputs::default())?;
-    let plan = Plan {
+    let plan = MotionPlan {
         frames: &frames,
         subjects: &subjects,
         samples_side: args.side(),
@@ -233,7 +233,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             frames_per_second: args.fps,
         },
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let found = motion::measure(&mut engine, model, &plan, &bar)?;
     drop(bar);
     if let Some(folder) = &args.output {
@@ -259,7 +259,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             "rules": plan.rules,
             "subjects": subjects.iter().zip(&found).map(about).collect::<Vec<_>>(),
         });
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     if let Some(path) = &args.csv {
@@ -267,11 +267,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     }
     if !args.takes_output() {
         let moves = match args.along {
-            PathName::Orbit => format!("orbit, {} degrees a step", args.degrees_per_step),
-            PathName::Dolly => {
+            MotionPathName::Orbit => format!("orbit, {} degrees a step", args.degrees_per_step),
+            MotionPathName::Dolly => {
                 format!("dolly, {:.2} % of the distance a step", 100.0 * steps.angle)
             }
-            PathName::Refine => format!("refine, from {} times the threshold", args.coarsest),
+            MotionPathName::Refine => format!("refine, from {} times the threshold", args.coarsest),
         };
         let head = format!(
             "{}: {moves}, {} steps at {} a second, {} x {} px, {} samples in the reference\n\n",

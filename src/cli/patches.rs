@@ -2,9 +2,9 @@
 
 use super::cameras::{orbit_camera, parse_size};
 use super::error_patches::parse_error;
-use super::progress::Bar;
-use super::source::Source;
-use super::{Failure, Outcome, bytes, count, print, usage, write_text};
+use super::progress::JobBar;
+use super::source::ModelArgs;
+use super::{CommandFailure, Outcome, bytes, count, print, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -25,9 +25,9 @@ by less than the tolerances. Beside it stand one exact sample a pixel, and trian
 /// Measure the cut by error beside the cut by size.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct PatchesArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// Tolerances: pixels at silhouettes, pixels elsewhere, grey levels of the shade; negative ones draw no patch
     #[arg(long, value_name = "RIM,INSIDE,SHADE", default_value = "0.15,0.25,24", value_parser = parse_error, allow_hyphen_values = true)]
     error: ErrorTolerances,
@@ -65,7 +65,7 @@ pub(crate) struct Args {
     json: Option<PathBuf>,
 }
 
-impl Args {
+impl PatchesArgs {
     fn check(&self) -> Outcome {
         if let Some(bad) = self
             .fills
@@ -86,7 +86,7 @@ impl Args {
         if let Some(folder) = &self.output {
             std::fs::create_dir_all(folder).map_err(|e| {
                 let what = format!("cannot make the folder {}", folder.display());
-                Failure::Run(anyhow::Error::new(e).context(what))
+                CommandFailure::Run(anyhow::Error::new(e).context(what))
             })?;
         }
         Ok(())
@@ -111,9 +111,9 @@ impl Args {
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: PatchesArgs, quiet: bool) -> Outcome {
     args.check()?;
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let ready = args.source.open_with(&bar)?;
     let model = &ready.model;
     if !model.kind().is_surface() {
@@ -131,7 +131,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         Ok((format!("{fill}"), camera.view(model.origin)?))
     });
     let plan = PatchPlan {
-        views: views.collect::<Result<_, Failure>>()?,
+        views: views.collect::<Result<_, CommandFailure>>()?,
         samples: args.grid,
         cuts: args.cuts(model.is_closed),
         is_strict: args.strict,
@@ -161,7 +161,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             "size": [args.size.0, args.size.1],
             "rows": findings.rows,
         });
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
         if path == std::path::Path::new("-") {
             return Ok(());

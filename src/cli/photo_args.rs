@@ -1,7 +1,7 @@
 //! `--photos` and what goes with it.
 
-use super::progress::Bar;
-use super::{Failure, say, usage};
+use super::progress::JobBar;
+use super::{CommandFailure, say, usage};
 use std::path::PathBuf;
 use std::sync::Arc;
 use surfel::OpenedModel;
@@ -61,7 +61,7 @@ impl PhotoArgs {
     }
 
     /// Reads the scene that is asked for.
-    pub(crate) fn read(&self) -> Result<Option<PhotoScene>, Failure> {
+    pub(crate) fn read(&self) -> Result<Option<PhotoScene>, CommandFailure> {
         let Some(path) = &self.photos else {
             return Ok(None);
         };
@@ -78,7 +78,7 @@ pub(crate) fn camera_of(
     scene: &PhotoScene,
     wanted: &str,
     opened: &OpenedModel,
-) -> Result<Camera, Failure> {
+) -> Result<Camera, CommandFailure> {
     let Some(index) = scene.find(wanted) else {
         return Err(usage(format!(
             "{}: there is no photograph {wanted}; surfel info lists {} of them, numbered from 0",
@@ -114,7 +114,7 @@ impl StagedScene {
         backend: &Backend,
         most: usize,
         quiet: bool,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, CommandFailure> {
         if opened.paged.is_some() {
             return Err(usage(format!(
                 "{}: photographs are put on a model that is in memory as a whole, and this is a paged file",
@@ -122,7 +122,7 @@ impl StagedScene {
             )));
         }
         let drawer = SurfaceDrawer::new(backend, &opened.model);
-        let bar = Bar::new(quiet);
+        let bar = JobBar::new(quiet);
         let (stage, remarks) = PhotoStage::load(&scene, &drawer, most, LONGEST_SIDE, &bar)?;
         for remark in remarks {
             say(&format!("surfel: warning: {remark}"));

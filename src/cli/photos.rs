@@ -1,8 +1,8 @@
 //! `surfel photos`, and what `surfel info` says of a scene of photographs.
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::DeviceArgs;
-use super::{Failure, Outcome, print, say, usage, write_text};
+use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -24,17 +24,17 @@ use surfel::tree::Model;
 #[command(
     after_help = "Examples:\n  surfel photos score castle --mesh castle/mesh.ply -o scores\n  surfel photos render castle --mesh castle/mesh.ply --camera-of 3 --leave-out -o picture.png\n  surfel info castle                   cameras, and whether their conventions are right"
 )]
-pub(crate) struct Args {
+pub(crate) struct PhotosArgs {
     #[command(subcommand)]
-    command: Command,
+    command: PhotosCommand,
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Command {
+enum PhotosCommand {
     /// Predict each photograph from the others by a ladder of methods, and compare
     Score(ScoreArgs),
     /// Draw the mesh with photographs on it
-    Render(RenderArgs),
+    Render(PhotoRenderArgs),
 }
 
 /// A scene with its mesh.
@@ -72,7 +72,7 @@ struct ScoreArgs {
 }
 
 #[derive(Debug, clap::Args)]
-struct RenderArgs {
+struct PhotoRenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
     /// Draw from the pose of a photograph: its name or its number from 0
@@ -114,27 +114,27 @@ enum FormChoice {
     Printed,
 }
 
-impl From<PhotoError> for Failure {
+impl From<PhotoError> for CommandFailure {
     fn from(error: PhotoError) -> Self {
         surfel::Error::from(error).into()
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: PhotosArgs, quiet: bool) -> Outcome {
     match args.command {
-        Command::Score(args) => score(args, quiet),
-        Command::Render(args) => render(args, quiet),
+        PhotosCommand::Score(args) => score(args, quiet),
+        PhotosCommand::Render(args) => render(args, quiet),
     }
 }
 
 impl SceneArgs {
     /// Reads scene and mesh, and says what was left out.
-    fn open(&self, quiet: bool) -> Result<(PhotoScene, Model), Failure> {
+    fn open(&self, quiet: bool) -> Result<(PhotoScene, Model), CommandFailure> {
         let scene = read_scene(&self.scene, self.photos.as_deref())?;
         for remark in &scene.remarks {
             say(&format!("surfel: {}: {remark}", self.scene.display()));
         }
-        let opened = surfel::open(&self.mesh, &Default::default(), &Bar::new(quiet))?;
+        let opened = surfel::open(&self.mesh, &Default::default(), &JobBar::new(quiet))?;
         for warning in &opened.warnings {
             say(&format!("surfel: {}: warning: {warning}", opened.name));
         }
@@ -146,14 +146,14 @@ impl SceneArgs {
         scene: &'m PhotoScene,
         model: &'m Model,
         quiet: bool,
-    ) -> Result<PhotoSession<'m>, Failure> {
+    ) -> Result<PhotoSession<'m>, CommandFailure> {
         let backend = self.device.open()?;
         let options = SessionOptions {
             most_photos: self.most as usize,
             ..SessionOptions::default()
         };
         let drawer = SurfaceDrawer::new(&backend, model);
-        let session = PhotoSession::new(scene, drawer, options, &Bar::new(quiet))?;
+        let session = PhotoSession::new(scene, drawer, options, &JobBar::new(quiet))?;
         for remark in &session.remarks {
             say(&format!("surfel: warning: {remark}"));
         }
@@ -167,7 +167,7 @@ fn score(args: ScoreArgs, quiet: bool) -> Outcome {
     if let Some(folder) = &args.output {
         std::fs::create_dir_all(folder).map_err(|e| {
             let text = format!("cannot make the folder {}", folder.display());
-            Failure::Run(anyhow::Error::new(e).context(text))
+            CommandFailure::Run(anyhow::Error::new(e).context(text))
         })?;
     }
     let rungs = ladder();
@@ -177,7 +177,7 @@ fn score(args: ScoreArgs, quiet: bool) -> Outcome {
         longest_side: args.side,
     };
     let mut number = 0;
-    let scores = judge.score_all(&Bar::new(quiet), &mut |_, pictures| {
+    let scores = judge.score_all(&JobBar::new(quiet), &mut |_, pictures| {
         let Some(folder) = &args.output else {
             return Ok(());
         };
@@ -191,7 +191,7 @@ fn score(args: ScoreArgs, quiet: bool) -> Outcome {
         Ok(())
     })?;
     let json = serde_json::to_string_pretty(&score_json(&rungs, &scores));
-    let json = json.map_err(|e| Failure::Run(e.into()))? + "\n";
+    let json = json.map_err(|e| CommandFailure::Run(e.into()))? + "\n";
     if let Some(folder) = &args.output {
         write_text(&folder.join("scores.json"), &json)?;
         write_text(&folder.join("index.html"), &score_page(&rungs, &scores))?;
@@ -205,9 +205,9 @@ fn score(args: ScoreArgs, quiet: bool) -> Outcome {
 
 /// The camera that is asked for, and the photograph that has it.
 fn wanted_camera(
-    args: &RenderArgs,
+    args: &PhotoRenderArgs,
     scene: &PhotoScene,
-) -> Result<(CalibratedCamera, Option<usize>), Failure> {
+) -> Result<(CalibratedCamera, Option<usize>), CommandFailure> {
     if let Some(path) = &args.camera {
         let camera = calibrated_camera(&Camera::read(path)?);
         let refused = || {
@@ -236,7 +236,7 @@ fn wanted_camera(
     Ok((scaled, Some(index)))
 }
 
-fn render(args: RenderArgs, quiet: bool) -> Outcome {
+fn render(args: PhotoRenderArgs, quiet: bool) -> Outcome {
     super::render::require_ending("--output", Some(&args.output), &["png"])?;
     super::check_outputs(&[&args.output], &args.scene.mesh)?;
     let (scene, model) = args.scene.open(quiet)?;
@@ -295,7 +295,7 @@ pub(crate) fn info(path: &Path, as_json: bool) -> Outcome {
     let check = check_scene(&scene);
     if as_json {
         let text = serde_json::to_string_pretty(&facts(&scene, &check));
-        return print(&(text.map_err(|e| Failure::Run(e.into()))? + "\n"));
+        return print(&(text.map_err(|e| CommandFailure::Run(e.into()))? + "\n"));
     }
     print(&text(path, &scene, &check))
 }

@@ -1,7 +1,7 @@
 //! The options that place and color one of several models.
 
 use super::background::parse_color;
-use super::{Failure, usage};
+use super::{CommandFailure, usage};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use surfel::mesh::placement::{MeshPlacement, parse_transform};
@@ -34,7 +34,7 @@ impl PlacementArgs {
     ///
     /// # Errors
     /// When there are more options than models, or a file is no transform.
-    pub(crate) fn of_models(&self, count: usize) -> Result<Vec<MeshPlacement>, Failure> {
+    pub(crate) fn of_models(&self, count: usize) -> Result<Vec<MeshPlacement>, CommandFailure> {
         for (option, given) in [
             ("--transform", self.transforms.len()),
             ("--model-color", self.colors.len()),

@@ -3,18 +3,18 @@
 use super::cameras::{CameraArgs, orbit_cameras, parse_orbit};
 use super::costs::costs_of;
 use super::look::LookArgs;
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::source::Source;
+use super::source::ModelArgs;
 use super::stats::{device_of, settings_of};
 use super::vertex_splats::make_even_splats;
-use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
+use super::{CommandFailure, Outcome, bytes, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::measure::ValueDistribution;
-use surfel::measure::profile::{FrameProfile, Plan, ProfileProof};
+use surfel::measure::profile::{FrameProfile, ProfilePlan, ProfileProof};
 use surfel::measure::report::ProfileReport;
 use surfel::progress::Progress;
 use surfel::render::PictureOutputs;
@@ -34,9 +34,9 @@ figure means.";
 /// Measure what each pass and each stage of a frame costs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct ProfileArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// Views of the standard orbit to measure (azimuth (k + 1/2) 360/N degrees); with --camera as often that one
     #[arg(long, value_name = "N", default_value_t = 120)]
     frames: u32,
@@ -63,7 +63,7 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-impl Args {
+impl ProfileArgs {
     fn check(&self) -> Outcome {
         if self.frames == 0 || self.frames > 10_000 {
             return Err(usage(format!(
@@ -84,14 +84,14 @@ impl Args {
         super::check_outputs(&paths, &self.source.model)
     }
 
-    /// Whether standard output is taken by data for programs.
+    /// Tells whether standard output is taken by data for programs.
     fn takes_output(&self) -> bool {
         let is_output = |path: &Option<PathBuf>| path.as_deref() == Some(Path::new("-"));
         is_output(&self.json) || is_output(&self.csv) || is_output(&self.trace)
     }
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
     args.check()?;
     let settings = args.look.settings()?;
     let camera = args.camera.read()?;
@@ -112,15 +112,15 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         .collect::<Result<Vec<_>, _>>()?;
     let backend = args.device.open()?;
     let mut engine = Engine::new(&backend, &ready.model, size, PictureOutputs::default())?;
-    engine.build_patches(&settings, &Bar::new(quiet))?;
+    engine.build_patches(&settings, &JobBar::new(quiet))?;
     make_even_splats(&engine, &settings, quiet)?;
     engine.set_costs(costs_of(&backend, &[settings]));
-    let plan = Plan {
+    let plan = ProfilePlan {
         views: &views,
         settings: &settings,
         warm_up: args.warm_up,
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     bar.stage("self-test", 0);
     let proof = ProfileProof::of(&backend)?;
     let profile = FrameProfile::run(&backend, &mut engine, &plan, proof, &bar)?;
@@ -140,12 +140,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             "device": device_of(&backend),
             "settings": settings_of(&ready, &settings, size),
         });
-        let figures = serde_json::to_value(&report).map_err(|e| Failure::Run(e.into()))?;
+        let figures = serde_json::to_value(&report).map_err(|e| CommandFailure::Run(e.into()))?;
         if let (Some(all), serde_json::Value::Object(figures)) = (all.as_object_mut(), figures) {
             all.extend(figures);
             all.insert("memory".into(), memory(&ready, &profile));
         }
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     if let Some(path) = &args.csv {
@@ -153,7 +153,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     }
     if let Some(path) = &args.trace {
         let trace = profile.trace(about);
-        let text = serde_json::to_string(&trace).map_err(|e| Failure::Run(e.into()))?;
+        let text = serde_json::to_string(&trace).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     if !args.takes_output() {
@@ -198,9 +198,9 @@ fn memory(ready: &OpenedModel, profile: &FrameProfile) -> serde_json::Value {
 
 /// Rows of figures in columns.
 #[derive(Default)]
-struct Table(String);
+struct TextTable(String);
 
-impl Table {
+impl TextTable {
     fn line(&mut self, cells: [&str; 5]) {
         let [name, median, p5, p95, share] = cells;
         let line = format!("{name:<28}{median:>13}{p5:>13}{p95:>13}{share:>9}");
@@ -252,14 +252,14 @@ impl Table {
 const UNKNOWN: &str = "not known on this device";
 
 fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) -> String {
-    let mut t = Table::default();
+    let mut t = TextTable::default();
     match &profile.device {
         Some(info) if info.is_cpu() => t.text(&format!(
             "{}, software: it ranks passes and predicts no graphics card",
             info.name
         )),
         Some(info) => t.text(&info.name),
-        None => t.text("mirror: the CPU draws, without Vulkan"),
+        None => t.text("reference: the processor draws, without Vulkan"),
     }
     t.text(&format!(
         "{} frames, times in milliseconds\n",
@@ -361,8 +361,8 @@ fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) ->
     t.0
 }
 
-/// Whether it can be believed.
-fn proof(t: &mut Table, report: &ProfileReport) {
+/// Tells whether it can be believed.
+fn proof(t: &mut TextTable, report: &ProfileReport) {
     let proof = &report.profiling;
     t.text("\ncan it be believed?");
     if let Some(test) = &proof.self_test {
@@ -379,7 +379,7 @@ fn proof(t: &mut Table, report: &ProfileReport) {
     }
     if let Some(ratio) = proof.device_of_host {
         t.text(&format!(
-            "  the device's time is {:.1} % of what the host saw from submission to end",
+            "  the device's time is {:.1} % of what the processor saw from submission to end",
             100.0 * ratio
         ));
     }

@@ -20,14 +20,14 @@ pub(crate) fn catch_interrupt() {
     }
 }
 
-/// Whether Ctrl-C was pressed.
+/// Tells whether Ctrl-C was pressed.
 pub(crate) fn is_interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
 }
 
 /// A bar that appears once a job has taken a second.
 #[derive(Debug)]
-pub(crate) struct Bar {
+pub(crate) struct JobBar {
     bar: ProgressBar,
     start: Instant,
     is_for_people: bool,
@@ -35,7 +35,7 @@ pub(crate) struct Bar {
 
 const PATIENCE: Duration = Duration::from_millis(1000);
 
-impl Bar {
+impl JobBar {
     /// A bar on standard error, unless `quiet` or no terminal is there.
     pub(crate) fn new(quiet: bool) -> Self {
         Self {
@@ -58,7 +58,7 @@ impl Bar {
     }
 }
 
-impl Progress for Bar {
+impl Progress for JobBar {
     fn stage(&self, name: &str, total: u64) {
         tracing::info!(target: "surfel::progress", "{name}");
         self.bar.set_length(total.max(1));
@@ -77,7 +77,7 @@ impl Progress for Bar {
     }
 }
 
-impl Drop for Bar {
+impl Drop for JobBar {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
     }

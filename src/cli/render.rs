@@ -9,11 +9,11 @@ use super::look::LookArgs;
 use super::mark_args::MarkArgs;
 use super::photo_args::{PhotoArgs, StagedScene, camera_of};
 use super::placement_args::PlacementArgs;
-use super::progress::{Bar, is_interrupted};
+use super::progress::{JobBar, is_interrupted};
 use super::rendered_picture::{RenderedPicture, numbered};
-use super::source::{ColorArgs, PageArgs, Source, parse_wait};
+use super::source::{ColorArgs, ModelArgs, PageArgs, parse_wait};
 use super::vertex_splats::make_even_splats;
-use super::{Failure, Outcome, print_bytes, say, usage, write_text};
+use super::{CommandFailure, Outcome, print_bytes, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,7 @@ pub(crate) enum BackendChoice {
 /// Which device draws.
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct DeviceArgs {
-    /// Device by index or part of its name (see `surfel devices`); `cpu` and `mirror` stand for --backend cpu and reference
+    /// Device by index or part of its name (see `surfel devices`); `cpu` and `reference` stand for --backend cpu and reference
     #[arg(long, value_name = "NAME|INDEX")]
     device: Option<String>,
     /// Backend that draws
@@ -74,8 +74,8 @@ impl DeviceArgs {
 
     /// The backend of a window's frames.
     #[cfg(feature = "viewer")]
-    pub(crate) fn window_backend(&self) -> Result<WindowBackend, Failure> {
-        let is_named = matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR));
+    pub(crate) fn window_backend(&self) -> Result<WindowBackend, CommandFailure> {
+        let is_named = self.device.as_deref().is_some_and(Backend::is_of_processor);
         match self.backend {
             BackendChoice::Auto if !is_named => Ok(WindowBackend::Auto),
             BackendChoice::Vulkan if !is_named => Ok(WindowBackend::Vulkan),
@@ -90,10 +90,10 @@ impl DeviceArgs {
     }
 
     /// Opens the backend. Without Vulkan, and unless a device is asked for by name, that is the processor.
-    pub(crate) fn open(&self) -> Result<Backend, Failure> {
+    pub(crate) fn open(&self) -> Result<Backend, CommandFailure> {
         let options = self.options();
         if self.backend != BackendChoice::Auto && self.device.is_some() {
-            let is_named = matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR));
+            let is_named = self.device.as_deref().is_some_and(Backend::is_of_processor);
             if is_named || self.backend != BackendChoice::Vulkan {
                 return Err(usage("--backend cpu and reference have no --device"));
             }
@@ -124,7 +124,7 @@ pub(crate) fn validated(backend: &Backend) -> Outcome {
     let messages = gpu.messages().list();
     match messages.first() {
         None => Ok(()),
-        Some(first) => Err(Failure::Run(anyhow::anyhow!(
+        Some(first) => Err(CommandFailure::Run(anyhow::anyhow!(
             "the validation layer found {} fault(s); the first: {}: {}",
             messages.len(),
             first.id,
@@ -156,9 +156,9 @@ Examples:
 #[command(after_help = EXAMPLES)]
 // The model of a scene is the scene's own.
 #[command(mut_arg("model", |a| a.required(false).required_unless_present("scene").default_value("scene:").hide_default_value(true)))]
-pub(crate) struct Args {
+pub(crate) struct RenderArgs {
     #[command(flatten)]
-    source: Source,
+    source: ModelArgs,
     /// More models, drawn in the same picture
     #[arg(value_name = "MODEL", index = 2)]
     more: Vec<PathBuf>,
@@ -248,7 +248,7 @@ pub(crate) fn require_ending(option: &str, path: Option<&PathBuf>, allowed: &[&s
     }
 }
 
-impl Args {
+impl RenderArgs {
     fn check(&self) -> Outcome {
         let is_printed = self.output.as_deref() == Some(Path::new("-"));
         if is_printed && self.frames > 1 {
@@ -324,16 +324,16 @@ impl Args {
         streams_pages: bool,
         placements: &[MeshPlacement],
         quiet: bool,
-    ) -> Result<Vec<OpenedModel>, Failure> {
+    ) -> Result<Vec<OpenedModel>, CommandFailure> {
         let mut others = Vec::with_capacity(self.more.len());
         for (path, placement) in self.more.iter().zip(placements) {
-            let source = Source {
+            let source = ModelArgs {
                 model: path.clone(),
                 ..self.source.clone()
             };
             let mut other =
-                source.open_as(&self.color, streams_pages, *placement, &Bar::new(quiet))?;
-            let moving = Bar::new(quiet);
+                source.open_as(&self.color, streams_pages, *placement, &JobBar::new(quiet))?;
+            let moving = JobBar::new(quiet);
             let origin = first.model.origin;
             other.model = match &other.paged {
                 Some(file) => file.stand_in(origin).map_err(surfel::tree::Error::from)?,
@@ -344,7 +344,7 @@ impl Args {
         Ok(others)
     }
 
-    /// Whether the picture has as many samples as it takes to be smooth: nobody says how many, and it shows what is seen
+    /// Tells whether the picture has as many samples as it takes to be smooth: nobody says how many, and it shows what is seen
     /// rather than data.
     fn is_smooth(&self, settings: &Settings) -> bool {
         let shows_light = matches!(settings.color_by, ColorBy::Shading | ColorBy::Primitive);
@@ -409,7 +409,7 @@ fn tell_overdraw(times: &[FrameTimes]) {
 /// Frames drawn before the first that counts when times are asked for: shaders are compiled at the first draw.
 const WARM_UP: u32 = 2;
 
-pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
     match args.scene.as_deref() {
         Some("list") => return super::scenes::print_list(),
         Some(name) => args.source.model = PathBuf::from(format!("scene:{name}")),
@@ -439,7 +439,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     let streams_pages = settings.method == Method::Pop && !args.look.is_auto();
     let placements = args.placement.of_models(1 + args.more.len())?;
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let ready = (args.source).open_as(&args.color, streams_pages, placements[0], &bar)?;
     drop(bar);
     let others = args.open_others(&ready, streams_pages, &placements[1..], quiet)?;
@@ -527,10 +527,11 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         settings.cut_view = Some(camera.view(ready.model.origin)?);
     }
     if let Some(path) = &args.save_camera {
-        let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;
+        let text =
+            serde_json::to_string_pretty(&cameras[0]).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
-    engine.build_patches(&settings, &Bar::new(quiet))?;
+    engine.build_patches(&settings, &JobBar::new(quiet))?;
     make_even_splats(&engine, &settings, quiet)?;
     engine.set_costs(costs_of(&backend, &[settings]));
     if let Some(staged) = &mut staged {
@@ -541,12 +542,12 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             engine.draw(&views[0], &settings)?;
         }
     }
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     bar.stage("draw", views.len() as u64);
     let mut times = Vec::with_capacity(views.len());
     for (index, view) in views.iter().enumerate() {
         if is_interrupted() {
-            return Err(Failure::Run(anyhow::anyhow!(
+            return Err(CommandFailure::Run(anyhow::anyhow!(
                 "cancelled after {index} frames"
             )));
         }
@@ -588,7 +589,8 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         if !others.is_empty() {
             stats["more_models"] = others.iter().map(super::info::facts).collect();
         }
-        let text = serde_json::to_string_pretty(&stats).map_err(|e| Failure::Run(e.into()))?;
+        let text =
+            serde_json::to_string_pretty(&stats).map_err(|e| CommandFailure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     validated(&backend)

@@ -1,16 +1,16 @@
 //! `surfel reproduce`
 
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, KeepArgs, Source, SurfaceArgs};
-use super::{Failure, Outcome, print, say, usage, write_text};
+use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
+use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use surfel::chart::plot::angles::angles_svg;
 use surfel::chart::plot::pixels;
 use surfel::chart::published::dietz_failures::failures;
-use surfel::chart::published::{PublishedSubject, Table, benda, dietz, qsplat};
+use surfel::chart::published::{PublishedSubject, PublishedTable, benda, dietz, qsplat};
 use surfel::render::engine::Backend;
 
 const EXAMPLES: &str = "\
@@ -25,7 +25,7 @@ Examples:
 Counts can be compared; times only as ratios, since the machines are not the same. docs/MEASURING.md has the protocol.";
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum Origin {
+enum ModelOrigin {
     /// Benda, Point Based Rendering: tables 5.1 to 5.6, figure 5.8
     Benda,
     /// Rusinkiewicz and Levoy, QSplat: what the text says
@@ -37,10 +37,10 @@ enum Origin {
 /// Print published tables beside what is measured here.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct ReproduceArgs {
     /// Whose tables
     #[arg(value_enum, value_name = "SOURCE")]
-    origin: Origin,
+    origin: ModelOrigin,
     /// Models to measure [default: for benda generate:sphere:1000000 and generate:torus:4000000, else generate:statue:400000]
     #[arg(value_name = "MODEL")]
     models: Vec<PathBuf>,
@@ -64,14 +64,14 @@ pub(crate) struct Args {
 }
 
 /// The square meshes of figure 5.8 with the nodes of their trees.
-fn squares(bar: &Bar) -> Result<Vec<(u64, u64)>, Failure> {
+fn squares(bar: &JobBar) -> Result<Vec<(u64, u64)>, CommandFailure> {
     (1..=10)
         .map(|k| {
             let triangles = k * 100_000;
-            let source = Source {
+            let source = ModelArgs {
                 model: PathBuf::from(format!("generate:square:{triangles}")),
                 weld: false,
-                frame: Framing::Robust,
+                frame: ViewFraming::Robust,
                 surface: SurfaceArgs::default(),
                 keep: KeepArgs::default(),
             };
@@ -81,7 +81,7 @@ fn squares(bar: &Bar) -> Result<Vec<(u64, u64)>, Failure> {
         .collect()
 }
 
-impl Args {
+impl ReproduceArgs {
     /// Refuses files that cannot be written, or would be over others of this command.
     fn check_files(&self) -> Outcome {
         let all = [
@@ -101,7 +101,7 @@ impl Args {
                 )));
             }
         }
-        let is_dietz = matches!(self.origin, Origin::Dietz);
+        let is_dietz = matches!(self.origin, ModelOrigin::Dietz);
         if self.failures.is_some() && !is_dietz {
             return Err(usage(
                 "--failures shows those of dietz; leave it out with other sources",
@@ -132,24 +132,25 @@ impl Args {
     }
 
     /// Prints the tables, or writes them where that is asked for; `backend` is what they were measured on.
-    fn show(&self, tables: &[Table], backend: Option<&Backend>) -> Outcome {
+    fn show(&self, tables: &[PublishedTable], backend: Option<&Backend>) -> Outcome {
         if self.json {
             let all = json!({
                 "device": backend.map(super::stats::device_of),
                 "repeats": self.repeats,
                 "tables": tables,
             });
-            let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+            let text =
+                serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
             print(&(text + "\n"))?;
         } else if let Some(path) = &self.csv {
             let mut text = String::new();
             for table in tables {
-                text += &table.csv().map_err(|e| Failure::Run(e.into()))?;
+                text += &table.csv().map_err(|e| CommandFailure::Run(e.into()))?;
                 text.push('\n');
             }
             write_text(path, text.trim_end_matches('\n'))?;
         } else {
-            let text: Vec<String> = tables.iter().map(Table::text).collect();
+            let text: Vec<String> = tables.iter().map(PublishedTable::text).collect();
             print(&text.join("\n"))?;
             if let Some(backend) = backend {
                 say(&format!("measured on {}", backend.name()));
@@ -159,7 +160,7 @@ impl Args {
     }
 }
 
-/// Whether a file's name ends so, in capitals or not.
+/// Tells whether a file's name ends so, in capitals or not.
 fn has_end(path: &Path, end: &str) -> bool {
     (path.extension()).is_some_and(|found| found.eq_ignore_ascii_case(end))
 }
@@ -172,20 +173,20 @@ fn write_chart(path: &Path, svg: &str) -> Outcome {
     write_text(path, svg)
 }
 
-pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(mut args: ReproduceArgs, quiet: bool) -> Outcome {
     let is_default = args.models.is_empty();
     if is_default {
         args.models = match args.origin {
-            Origin::Benda => vec![
+            ModelOrigin::Benda => vec![
                 "generate:sphere:1000000".into(),
                 "generate:torus:4000000".into(),
             ],
-            Origin::Qsplat | Origin::Dietz => vec!["generate:statue:400000".into()],
+            ModelOrigin::Qsplat | ModelOrigin::Dietz => vec!["generate:statue:400000".into()],
         };
     }
     args.check_files()?;
-    let bar = Bar::new(quiet);
-    let mut tables: Vec<Table> = Vec::new();
+    let bar = JobBar::new(quiet);
+    let mut tables: Vec<PublishedTable> = Vec::new();
     if let Some(path) = &args.failures {
         let (sheet, table) = failures(&bar)?;
         sheet.save_png(path)?;
@@ -197,10 +198,10 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     let backend = args.device.open()?;
     for path in &args.models {
-        let source = Source {
+        let source = ModelArgs {
             model: path.clone(),
             weld: false,
-            frame: Framing::Robust,
+            frame: ViewFraming::Robust,
             surface: SurfaceArgs::default(),
             keep: KeepArgs::default(),
         };
@@ -217,9 +218,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             build_s: ready.build_ms / 1e3,
         };
         let found = match args.origin {
-            Origin::Benda => benda::tables(&backend, &subject, args.repeats, &bar)?,
-            Origin::Qsplat => qsplat::tables(&backend, &subject, args.repeats, &bar)?,
-            Origin::Dietz => {
+            ModelOrigin::Benda => benda::tables(&backend, &subject, args.repeats, &bar)?,
+            ModelOrigin::Qsplat => qsplat::tables(&backend, &subject, args.repeats, &bar)?,
+            ModelOrigin::Dietz => {
                 let (tables, lines) = dietz::tables(&backend, &subject, args.repeats, &bar)?;
                 if let Some(path) = &args.chart {
                     let file = Path::new(&ready.name).file_name();
@@ -244,7 +245,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         }
         tables.extend(found);
     }
-    if is_default && matches!(args.origin, Origin::Benda) {
+    if is_default && matches!(args.origin, ModelOrigin::Benda) {
         tables.push(benda::squares(&squares(&bar)?));
     }
     drop(bar);

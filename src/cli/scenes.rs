@@ -1,6 +1,6 @@
 //! `surfel scenes`
 
-use super::{Failure, Outcome, print};
+use super::{CommandFailure, Outcome, print};
 use serde_json::json;
 use std::fmt::Write;
 use surfel::scenes::{self, SceneEntry};
@@ -10,7 +10,7 @@ use surfel::scenes::{self, SceneEntry};
 #[command(
     after_help = "Examples:\n  surfel scenes\n  surfel scenes --json\n  surfel render --scene sheets-1 -o sheets.png --splat filtered\n  surfel info scene:needles\n\nThe threshold is that of the picture; --threshold of render overrides it."
 )]
-pub(crate) struct Args {
+pub(crate) struct ScenesArgs {
     /// Print JSON, with sizes and closed forms
     #[arg(long)]
     json: bool,
@@ -44,11 +44,11 @@ fn facts(entry: &SceneEntry) -> serde_json::Value {
     })
 }
 
-pub(crate) fn run(args: Args) -> Outcome {
+pub(crate) fn run(args: ScenesArgs) -> Outcome {
     if !args.json {
         return print_list();
     }
     let all: Vec<_> = scenes::ALL.iter().map(facts).collect();
-    let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::Run(e.into()))?;
+    let text = serde_json::to_string_pretty(&all).map_err(|e| CommandFailure::Run(e.into()))?;
     print(&(text + "\n"))
 }

@@ -1,7 +1,7 @@
 //! `surfel serve`
 
 use super::progress::is_interrupted;
-use super::{Failure, Outcome, print, usage};
+use super::{CommandFailure, Outcome, print, usage};
 use anyhow::Context;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ Examples:
   surfel serve models --delay-ms 50 --megabits 50      as over a slow line
 
 It knows neither encryption nor users. For others than yourself use nginx or a bucket (docs/METHODS.md).")]
-pub(crate) struct Args {
+pub(crate) struct ServeArgs {
     /// Folder whose files are served
     #[arg(value_name = "DIR")]
     folder: PathBuf,
@@ -41,7 +41,7 @@ fn parse_rate(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(crate) fn run(args: &Args) -> Outcome {
+pub(crate) fn run(args: &ServeArgs) -> Outcome {
     if !args.folder.is_dir() {
         return Err(usage(format!("{}: not a folder", args.folder.display())));
     }
@@ -50,10 +50,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
         bytes_per_second: args.megabits.map(|rate| rate * 1e6 / 8.0),
     };
     let address = SocketAddr::new(args.address, args.port);
-    let failed = |error: std::io::Error| Failure::Run(anyhow::Error::new(error));
+    let failed = |error: std::io::Error| CommandFailure::Run(anyhow::Error::new(error));
     let server = FileServer::bind(&args.folder, address, line)
         .with_context(|| format!("cannot listen at {address}"))
-        .map_err(Failure::Run)?;
+        .map_err(CommandFailure::Run)?;
     let own = server.address().map_err(failed)?;
     print(&format!("http://{own}/\n"))?;
     let running = std::thread::spawn(move || server.run());
@@ -65,6 +65,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     match running.join() {
         Ok(ended) => ended.map_err(failed),
-        Err(_) => Err(Failure::Run(anyhow::anyhow!("the server's thread ended"))),
+        Err(_) => Err(CommandFailure::Run(anyhow::anyhow!(
+            "the server's thread ended"
+        ))),
     }
 }

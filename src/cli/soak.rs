@@ -8,11 +8,11 @@
 
 use super::progress::is_interrupted;
 use super::soak_input::{SeededNumbers, session};
-use super::{Failure, Outcome, bytes, print, usage};
+use super::{CommandFailure, Outcome, bytes, print, usage};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use surfel::gpu::{self, DeviceOptions};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::Settings;
 use surfel::render::window_renderer::WindowBackend;
 use surfel::viewer::control::FrameGoal;
@@ -30,7 +30,7 @@ Examples:
 /// devices that are lost, photographs, recordings. Fails on any message of validation, and when memory grows.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Args {
+pub(crate) struct SoakArgs {
     /// Files that are dropped besides small ones that are made: models, scenes of photographs, cameras
     #[arg(value_name = "MODEL")]
     models: Vec<PathBuf>,
@@ -90,8 +90,9 @@ fn resident_bytes() -> Option<u64> {
 }
 
 /// Writes the small files that sessions drop into `folder`: good ones and bad ones. Names of generators are among them.
-fn make_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let failed = |e: std::io::Error| Failure::Run(anyhow::Error::new(e).context("files of a soak"));
+fn make_files(folder: &Path) -> Result<Vec<PathBuf>, CommandFailure> {
+    let failed =
+        |e: std::io::Error| CommandFailure::Run(anyhow::Error::new(e).context("files of a soak"));
     let mut files: Vec<PathBuf> = [
         "generate:statue:30000",
         "generate:torus:4000",
@@ -102,7 +103,7 @@ fn make_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     for (name, shape) in [("ball.ply", "sphere:5000"), ("flat.ply", "square:2000")] {
         let spec = shape.parse().map_err(surfel::Error::from)?;
         let path = folder.join(name);
-        surfel::generate::write_ply_file(&spec, &path, &Silent)?;
+        surfel::generate::write_ply_file(&spec, &path, &SilentProgress)?;
         files.push(path);
     }
     let ball = std::fs::read(folder.join("ball.ply")).map_err(failed)?;
@@ -111,7 +112,7 @@ fn make_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
         .collect();
     let camera =
         surfel::math::camera::Camera::orbit((320, 240), glam::DVec3::ZERO, 1.0, 1.0, 0.3, 0.9);
-    let camera = serde_json::to_string(&camera).map_err(|e| Failure::Run(e.into()))?;
+    let camera = serde_json::to_string(&camera).map_err(|e| CommandFailure::Run(e.into()))?;
     let made: [(&str, &[u8]); 7] = [
         ("cut-short.ply", &ball[..ball.len() / 2]),
         ("empty.obj", b""),
@@ -132,12 +133,12 @@ fn make_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
 
 /// Plays one session.
 fn play(
-    args: &Args,
+    args: &SoakArgs,
     number: u64,
     files: &[PathBuf],
     devices: &[String],
     recording: &Path,
-) -> Result<RunFigures, Failure> {
+) -> Result<RunFigures, CommandFailure> {
     let mut numbers = SeededNumbers::of(args.seed, number);
     let first = numbers.one(&files[..3]);
     let backends = [
@@ -161,9 +162,9 @@ fn play(
         false => FrameGoal::Free,
     };
     let entries = session(&mut numbers, first.clone(), files, args.acts);
-    let mut recorder = EventRecorder::create(recording).map_err(viewer::Error::from)?;
-    recorder.add(&entries).map_err(viewer::Error::from)?;
-    recorder.finish().map_err(viewer::Error::from)?;
+    let mut recorder = EventRecorder::create(recording).map_err(viewer::ViewerError::from)?;
+    recorder.add(&entries).map_err(viewer::ViewerError::from)?;
+    recorder.finish().map_err(viewer::ViewerError::from)?;
     let options = ViewerOptions {
         model: first,
         orbit: (0.5, 0.35, 1.0),
@@ -186,7 +187,7 @@ fn play(
     };
     match viewer::run(options, &is_interrupted) {
         // What a frame needs is refused by a backend, or a device is lost too often: told, not a fault.
-        Err(viewer::Error::DeviceGone(_)) if faults.device > 0 => Ok(RunFigures::default()),
+        Err(viewer::ViewerError::DeviceGone(_)) if faults.device > 0 => Ok(RunFigures::default()),
         outcome => Ok(outcome?),
     }
 }
@@ -215,15 +216,15 @@ fn row(minute: usize, figures: &MinuteFigures) -> String {
     )
 }
 
-pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: &SoakArgs, quiet: bool) -> Outcome {
     if !(args.minutes > 0.0 && args.minutes <= 100_000.0) {
         return Err(usage("--minutes: a number above 0"));
     }
-    let folder = tempfile::tempdir().map_err(|e| Failure::Run(e.into()))?;
+    let folder = tempfile::tempdir().map_err(|e| CommandFailure::Run(e.into()))?;
     let mut files = make_files(folder.path())?;
     for model in &args.models {
         let path = model.canonicalize().map_err(|e| {
-            Failure::Input(anyhow::Error::new(e).context(model.display().to_string()))
+            CommandFailure::Input(anyhow::Error::new(e).context(model.display().to_string()))
         })?;
         files.push(path);
     }
@@ -235,7 +236,7 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
     }
     let recordings = match &args.recordings {
         Some(kept) => kept.canonicalize().map_err(|e| {
-            Failure::Input(anyhow::Error::new(e).context(kept.display().to_string()))
+            CommandFailure::Input(anyhow::Error::new(e).context(kept.display().to_string()))
         })?,
         None => folder.path().to_owned(),
     };
@@ -249,7 +250,7 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
         let number = args.session.unwrap_or(count);
         let made = std::fs::create_dir_all(&pictures);
         made.and_then(|()| std::env::set_current_dir(&pictures))
-            .map_err(|e| Failure::Run(e.into()))?;
+            .map_err(|e| CommandFailure::Run(e.into()))?;
         let recording = match &args.recordings {
             Some(_) => recordings.join(format!("session-{number:05}.jsonl")),
             None => recordings.join("session.jsonl"),
@@ -259,12 +260,14 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
             let told =
                 format!("session {number} of seed {seed} (--seed {seed} --session {number})");
             match failure {
-                Failure::Input(error) | Failure::Run(error) => Failure::Run(error.context(told)),
+                CommandFailure::Input(error) | CommandFailure::Run(error) => {
+                    CommandFailure::Run(error.context(told))
+                }
             }
         })?;
         std::env::set_current_dir(folder.path())
             .and_then(|()| std::fs::remove_dir_all(&pictures))
-            .map_err(|e| Failure::Run(e.into()))?;
+            .map_err(|e| CommandFailure::Run(e.into()))?;
         if !quiet {
             let resident = bytes(resident_bytes().unwrap_or(0));
             tracing::info!(
@@ -288,7 +291,7 @@ pub(crate) fn run(args: &Args, quiet: bool) -> Outcome {
     }
     match growth(&minutes) {
         None => print("too short, or this system tells no memory: growth not judged\n"),
-        Some(percent) if percent > args.most_growth => Err(Failure::Run(anyhow::anyhow!(
+        Some(percent) if percent > args.most_growth => Err(CommandFailure::Run(anyhow::anyhow!(
             "memory grew by {percent:.2} percent after the first minute, more than {}",
             args.most_growth
         ))),

@@ -9,7 +9,7 @@ use surfel::viewer::record::RecordEntry;
 pub(crate) struct SeededNumbers(u64);
 
 impl SeededNumbers {
-    /// Those of a session of a run.
+    /// Numbers of a session of a run.
     pub(crate) fn of(seed: u64, session: u64) -> Self {
         let mut numbers = Self(seed ^ session.wrapping_mul(0xd129_0ddf_53c4_3e49));
         numbers.next();

@@ -1,7 +1,7 @@
 //! The model of a command: arguments become options of [`surfel::open`].
 
-use super::progress::Bar;
-use super::{Failure, usage};
+use super::progress::JobBar;
+use super::{CommandFailure, usage};
 use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use surfel::{OpenOptions, OpenedModel};
 
 /// The model of a command.
 #[derive(Debug, Clone, Args)]
-pub(crate) struct Source {
+pub(crate) struct ModelArgs {
     /// Model file, - for standard input, generate:SHAPE[:TRIANGLES], scene:NAME, or the http:// address of a paged tree
     #[arg(value_name = "MODEL", index = 1)]
     pub(crate) model: PathBuf,
@@ -24,7 +24,7 @@ pub(crate) struct Source {
     pub(crate) weld: bool,
     /// What the first view frames: without what lies far off, or all
     #[arg(long, value_name = "WHAT", default_value = "robust")]
-    pub(crate) frame: Framing,
+    pub(crate) frame: ViewFraming,
     #[command(flatten)]
     pub(crate) surface: SurfaceArgs,
     #[command(flatten)]
@@ -103,7 +103,7 @@ pub(crate) enum NormalsChoice {
     Flat,
     /// Computed: smooth but for edges of more than --crease degrees
     Smooth,
-    /// Those of the file; where it has none, smooth
+    /// Normals of the file; where it has none, smooth
     File,
 }
 
@@ -121,7 +121,7 @@ enum PointNormalsChoice {
 
 impl SurfaceArgs {
     /// The crease angle of the options of opening: none keeps the normals of the file.
-    fn crease_degrees(self) -> Result<Option<f32>, Failure> {
+    fn crease_degrees(self) -> Result<Option<f32>, CommandFailure> {
         use NormalsChoice::{File, Flat, Smooth};
         match (self.shading, self.crease) {
             (Some(name @ (Flat | File)), Some(_)) => Err(usage(format!(
@@ -149,10 +149,10 @@ enum SplitChoice {
 /// Whether images are read.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 enum TextureChoice {
-    /// They are, up to 2 GiB of them with their smaller sizes; beyond that at half their size or less.
+    /// Images are read, up to 2 GiB of them with their smaller sizes; beyond that at half their size or less.
     #[default]
     On,
-    /// They are not.
+    /// Images are left out.
     Off,
 }
 
@@ -265,7 +265,7 @@ fn parse_range(text: &str) -> Result<[f64; 2], String> {
 
 impl ColorArgs {
     /// The setting of the options of opening.
-    pub(crate) fn setting(&self) -> Result<Option<ColorSetting>, Failure> {
+    pub(crate) fn setting(&self) -> Result<Option<ColorSetting>, CommandFailure> {
         let range = self.color_range;
         match &self.by {
             Some(by) => Ok(Some(ColorSetting {
@@ -282,7 +282,7 @@ impl ColorArgs {
 
 /// What the first view frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum Framing {
+pub(crate) enum ViewFraming {
     /// All but what lies far off.
     Robust,
     /// Everything.
@@ -292,16 +292,16 @@ pub(crate) enum Framing {
 /// The options of opening that the arguments ask for.
 pub(crate) fn open_options(
     weld: bool,
-    frame: Framing,
+    frame: ViewFraming,
     surface: SurfaceArgs,
-) -> Result<OpenOptions, Failure> {
+) -> Result<OpenOptions, CommandFailure> {
     Ok(OpenOptions {
-        input: input::Options {
+        input: input::ReadOptions {
             weld,
             textures: surface.textures == TextureChoice::On,
-            ..input::Options::default()
+            ..input::ReadOptions::default()
         },
-        frame_all: frame == Framing::All,
+        frame_all: frame == ViewFraming::All,
         streams_pages: false,
         placement: MeshPlacement::default(),
         keep: PointFilter::default(),
@@ -321,9 +321,9 @@ pub(crate) fn open_options(
     })
 }
 
-impl Source {
+impl ModelArgs {
     /// The options of opening.
-    pub(crate) fn options(&self) -> Result<OpenOptions, Failure> {
+    pub(crate) fn options(&self) -> Result<OpenOptions, CommandFailure> {
         Ok(OpenOptions {
             keep: self.keep.filter(),
             ..open_options(self.weld, self.frame, self.surface)?
@@ -331,12 +331,12 @@ impl Source {
     }
 
     /// Opens the model, with a progress bar from about a second on.
-    pub(crate) fn open(&self, quiet: bool) -> Result<OpenedModel, Failure> {
-        self.open_with(&Bar::new(quiet))
+    pub(crate) fn open(&self, quiet: bool) -> Result<OpenedModel, CommandFailure> {
+        self.open_with(&JobBar::new(quiet))
     }
 
     /// Opens the model, and says what was repaired or left out.
-    pub(crate) fn open_with(&self, progress: &dyn Progress) -> Result<OpenedModel, Failure> {
+    pub(crate) fn open_with(&self, progress: &dyn Progress) -> Result<OpenedModel, CommandFailure> {
         self.open_colored(&ColorArgs::default(), progress)
     }
 
@@ -345,18 +345,18 @@ impl Source {
         &self,
         color: &ColorArgs,
         progress: &dyn Progress,
-    ) -> Result<OpenedModel, Failure> {
+    ) -> Result<OpenedModel, CommandFailure> {
         self.open_as(color, false, MeshPlacement::default(), progress)
     }
 
-    /// As [`Source::open_colored`], where it is to stand; with `streams_pages` the pages of a paged file are left where they are.
+    /// As [`ModelArgs::open_colored`], where it is to stand; with `streams_pages` the pages of a paged file are left where they are.
     pub(crate) fn open_as(
         &self,
         color: &ColorArgs,
         streams_pages: bool,
         placement: MeshPlacement,
         progress: &dyn Progress,
-    ) -> Result<OpenedModel, Failure> {
+    ) -> Result<OpenedModel, CommandFailure> {
         let mut options = self.options()?;
         options.input.color = color.setting()?;
         options.streams_pages = streams_pages;

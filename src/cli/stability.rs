@@ -1,11 +1,11 @@
 //! `surfel stability`
 
 use super::look::{MethodName, SplatName};
-use super::progress::Bar;
+use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
-use super::{Failure, Outcome, print, say, usage, write_text};
+use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
-use surfel::failures::page::{SceneRow, Shot, Table, thumb};
+use surfel::failures::page::{CellShot, SceneRow, SceneTable, thumb};
 use surfel::failures::{self, FailureFigure, FailureLook, FailureVerdict};
 use surfel::render::{Method, SplatKind};
 use surfel::scenes::{self, SceneEntry};
@@ -15,7 +15,7 @@ use surfel::scenes::{self, SceneEntry};
 #[command(
     after_help = "Examples:\n  surfel stability -o failures                              everything: a minute or two\n  surfel stability -o failures --quick                      the hardest scenes by every kind of splat\n  surfel stability -o gauss --method pop --splat gauss,filtered\n  surfel stability -o fence --scene fence,foliage --backend reference\n\nThe folder gets index.html (one page, needs no other file), stability.csv, a contact sheet for each group of scenes, and\nin pictures/ every picture. Each cell is a pass, a known limit with its cause, or a failure.\nExit codes: 0 no cell fails, 1 a cell is out of its bounds, 2 bad usage."
 )]
-pub(crate) struct Args {
+pub(crate) struct StabilityArgs {
     /// Folder for table and pictures; made if it is not there
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
@@ -53,8 +53,8 @@ const QUICK: [&str; 14] = [
     "inside",
 ];
 
-impl Args {
-    fn looks(&self) -> Result<Vec<FailureLook>, Failure> {
+impl StabilityArgs {
+    fn looks(&self) -> Result<Vec<FailureLook>, CommandFailure> {
         let methods: Vec<Method> = self.method.iter().map(|m| (*m).into()).collect();
         let splats: Vec<SplatKind> = self.splat.iter().map(|s| (*s).into()).collect();
         let is_wanted = |look: &FailureLook| {
@@ -74,7 +74,7 @@ impl Args {
         Ok(looks)
     }
 
-    fn entries(&self) -> Result<Vec<&'static SceneEntry>, Failure> {
+    fn entries(&self) -> Result<Vec<&'static SceneEntry>, CommandFailure> {
         if self.quick {
             let is_quick = |e: &&SceneEntry| QUICK.contains(&e.name);
             return Ok(scenes::ALL.iter().filter(is_quick).collect());
@@ -92,7 +92,7 @@ impl Args {
 
 fn make_folder(folder: &Path) -> Outcome {
     std::fs::create_dir_all(folder).map_err(|e| {
-        Failure::Run(
+        CommandFailure::Run(
             anyhow::Error::new(e).context(format!("cannot make the folder {}", folder.display())),
         )
     })
@@ -103,7 +103,7 @@ fn file_name(scene: &str, look: &str) -> String {
     format!("{scene}-{}.png", look.replace(", ", "-").replace(' ', "-"))
 }
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(args: StabilityArgs, quiet: bool) -> Outcome {
     let (looks, entries) = (args.looks()?, args.entries()?);
     let backend = args.device.open()?;
     say(&format!(
@@ -115,11 +115,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     // Only now, so that a mistake or a missing device leaves no folder behind.
     let pictures = args.output.join("pictures");
     make_folder(&pictures)?;
-    let mut table = Table {
+    let mut table = SceneTable {
         device: backend.name().to_owned(),
-        ..Table::default()
+        ..SceneTable::default()
     };
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     failures::run(
         &backend,
         &entries,
@@ -147,7 +147,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             }
             picture.save_png(&pictures.join(file_name(cell.scene, look.name)))?;
             if let Some(row) = table.scenes.last_mut() {
-                row.shots.push(Shot {
+                row.shots.push(CellShot {
                     cell,
                     thumb: thumb(&picture),
                 });
@@ -176,7 +176,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     validated(&backend)?;
     match table.count(FailureVerdict::Fail) {
         0 => Ok(()),
-        n => Err(Failure::Run(anyhow::anyhow!(
+        n => Err(CommandFailure::Run(anyhow::anyhow!(
             "{n} cells are out of their bounds; see {}",
             page.display()
         ))),

@@ -1,7 +1,7 @@
 //! The options of splats that are made from vertices.
 
-use super::progress::Bar;
-use super::{Failure, Outcome, say, usage};
+use super::progress::JobBar;
+use super::{CommandFailure, Outcome, say, usage};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args as ClapArgs, ValueEnum};
 use surfel::oriented::choices::{self, LevelChoice, WordedChoice};
@@ -87,7 +87,7 @@ pub(crate) struct VertexSplatArgs {
 
 impl VertexSplatArgs {
     /// The rules of splats from vertices; `None` where splats come from the tree.
-    pub(crate) fn rules(&self, method: Method) -> Result<Option<SplatRules>, Failure> {
+    pub(crate) fn rules(&self, method: Method) -> Result<Option<SplatRules>, CommandFailure> {
         if self.spacing.is_some() && self.resample.is_none() {
             return Err(usage(
                 "--spacing is that of even splats; use it with --resample",
@@ -145,7 +145,7 @@ impl VertexSplatArgs {
 
 /// Makes the even splats of these settings with a bar, and says where they are wider apart than usual.
 pub(crate) fn make_even_splats(engine: &Engine<'_>, settings: &Settings, quiet: bool) -> Outcome {
-    let bar = Bar::new(quiet);
+    let bar = JobBar::new(quiet);
     let widest = engine.build_even_splats(settings, &bar);
     drop(bar);
     match widest {

@@ -7,8 +7,8 @@ use super::photo_args::PhotoArgs;
 use super::placement_args::PlacementArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
-use super::source::{ColorArgs, Framing, KeepArgs, PageArgs, SurfaceArgs, open_options};
-use super::{Failure, Outcome, print, usage};
+use super::source::{ColorArgs, KeepArgs, PageArgs, SurfaceArgs, ViewFraming, open_options};
+use super::{CommandFailure, Outcome, print, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use surfel::viewer::control::FrameGoal;
@@ -21,7 +21,7 @@ pub(crate) use surfel::viewer::input::help;
 const BUILT_IN: &str = "generate:statue:2000000";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Switch {
+enum ViewSwitch {
     /// Yes
     On,
     /// No
@@ -30,7 +30,7 @@ enum Switch {
 
 /// Look at a model in a window.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
+pub(crate) struct ViewArgs {
     /// Model to look at in a window: a file, - for standard input, or generate:SHAPE[:TRIANGLES] [default: a generated statue]
     #[arg(value_name = "MODEL", index = 1)]
     model: Option<PathBuf>,
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     weld: bool,
     /// What the first view frames: without what lies far off, or all
     #[arg(long, value_name = "WHAT", default_value = "robust")]
-    frame: Framing,
+    frame: ViewFraming,
     #[command(flatten)]
     surface: SurfaceArgs,
     #[command(flatten)]
@@ -67,7 +67,7 @@ pub(crate) struct Args {
     orbit: Option<[f64; 3]>,
     /// Draw samples while the view rests, until its picture is smooth
     #[arg(long, value_enum, default_value = "on", value_name = "SWITCH")]
-    smooth: Switch,
+    smooth: ViewSwitch,
     /// Open the files again whenever another program has written them [by hand: key F5]
     #[arg(long, conflicts_with_all = ["replay", "screenshot", "turntable"])]
     watch: bool,
@@ -83,13 +83,13 @@ pub(crate) struct Args {
     frame_ms: Option<FrameGoal>,
     /// Whether the panel is shown [default: as it was left; off where pictures are made]
     #[arg(long, value_enum)]
-    panel: Option<Switch>,
+    panel: Option<ViewSwitch>,
     /// Pixels for one point of the panel [default: the screen's]
     #[arg(long, value_name = "FACTOR")]
     ui_scale: Option<f32>,
     /// Whether frames wait for the screen [default: on]
     #[arg(long, value_enum)]
-    vsync: Option<Switch>,
+    vsync: Option<ViewSwitch>,
     /// Write the first whole picture to this file (.png) and close the window; with --panel on what the window shows
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
@@ -130,7 +130,7 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-impl Args {
+impl ViewArgs {
     /// Notes what the command line says itself: the settings file decides the rest.
     pub(crate) fn note_given(&mut self, matches: &clap::ArgMatches) {
         let look = <LookArgs as clap::Args>::augment_args(clap::Command::new("look"));
@@ -141,12 +141,14 @@ impl Args {
     }
 }
 
-impl From<viewer::Error> for Failure {
-    fn from(error: viewer::Error) -> Self {
+impl From<viewer::ViewerError> for CommandFailure {
+    fn from(error: viewer::ViewerError) -> Self {
         match error {
-            viewer::Error::Gpu(error) => error.into(),
-            viewer::Error::Image(error) => error.into(),
-            viewer::Error::Open(_) | viewer::Error::Recording(_) => Self::Input(error.into()),
+            viewer::ViewerError::Gpu(error) => error.into(),
+            viewer::ViewerError::Image(error) => error.into(),
+            viewer::ViewerError::Open(_) | viewer::ViewerError::Recording(_) => {
+                Self::Input(error.into())
+            }
             _ => Self::Run(error.into()),
         }
     }
@@ -160,7 +162,7 @@ fn parse_frame_goal(text: &str) -> Result<FrameGoal, String> {
     }
 }
 
-pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
+pub(crate) fn run(mut args: ViewArgs, _quiet: bool) -> Outcome {
     args.look.default_for_people();
     args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings()?;
@@ -205,7 +207,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         None => {}
     }
     if let Some(panel) = args.panel {
-        window.panel = panel == Switch::On;
+        window.panel = panel == ViewSwitch::On;
     }
     let marks = args.marks.choice();
     window.scale_bar |= marks.scale_bar;
@@ -223,7 +225,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         more: args.more,
         placements,
         opening,
-        smooths: args.smooth == Switch::On,
+        smooths: args.smooth == ViewSwitch::On,
         splat_by_model: !args.look.names_splat() && settings.method == surfel::render::Method::Pop,
         watches: args.watch,
         up: args.up.named(),
@@ -245,13 +247,13 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
             None => FrameGoal::Free,
         },
         backend,
-        vsync: args.vsync != Some(Switch::Off),
+        vsync: args.vsync != Some(ViewSwitch::Off),
         gpu,
         window,
         settings_file,
         warning,
         screenshot: args.screenshot,
-        with_panel: args.panel == Some(Switch::On),
+        with_panel: args.panel == Some(ViewSwitch::On),
         panel_is_asked: args.panel.is_some(),
         turntable: args.turntable,
         turntable_frames: args.frames,

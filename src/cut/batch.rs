@@ -10,10 +10,10 @@ mod ahead;
 mod lanes;
 mod occlusion;
 
-pub(super) use lanes::{LANES, Mask};
+pub(super) use lanes::{LANES, LaneMask};
 
 use crate::cut::frustum_and_size::{NodeTester, inherit};
-use crate::cut::occlusion::{Chunk, DepthMarks, OcclusionTest};
+use crate::cut::occlusion::{DepthMarks, OcclusionTest, SplatChunk};
 use crate::cut::siblings;
 use crate::cut::{Cut, StripRun};
 use crate::simd::WideLanes;
@@ -81,32 +81,32 @@ fn four<T: Copy + bytemuck::Zeroable>(records: &[T], group: SiblingGroup) -> ([T
 #[derive(Debug, Clone, Copy, Default)]
 struct BatchVerdicts {
     /// Not dropped so far.
-    kept: Mask,
+    kept: LaneMask,
     /// Not outside of the view volume.
-    in_view: Mask,
-    small: Mask,
+    in_view: LaneMask,
+    small: LaneMask,
     /// Wholly inside the view volume, by a test of this batch.
-    inside: Mask,
+    inside: LaneMask,
     /// Facing the viewer everywhere, by a test of this batch.
-    front: Mask,
+    front: LaneMask,
     /// Drawn as a row of splats.
-    rows: Mask,
+    rows: LaneMask,
     /// Not asked whether they face away, as a node above them faces the viewer everywhere.
-    faces: Mask,
+    faces: LaneMask,
     /// The same of the view volume.
-    within: Mask,
+    within: LaneMask,
 }
 
 /// How many siblings were looked at, and how many were dropped for what.
 #[derive(Debug, Clone, Copy, Default)]
-struct Counts {
+struct BatchCounts {
     visited: u32,
     outside: u32,
     away: u32,
     behind: u32,
 }
 
-impl Counts {
+impl BatchCounts {
     fn add_to(self, cut: &mut Cut) {
         cut.stats.visited += u64::from(self.visited);
         cut.stats.outside += u64::from(self.outside);
@@ -127,7 +127,7 @@ pub(super) struct NodeBatch {
     faces: Vec<(u32, u32)>,
     corners: Vec<[u32; 3]>,
     split: occlusion::OcclusionRows,
-    chunk: Chunk,
+    chunk: SplatChunk,
 }
 
 impl NodeBatch {
@@ -141,7 +141,7 @@ impl NodeBatch {
             faces: Vec::with_capacity(LANES),
             corners: Vec::with_capacity(LANES),
             split: occlusion::OcclusionRows::default(),
-            chunk: Chunk::default(),
+            chunk: SplatChunk::default(),
         }
     }
 
@@ -232,11 +232,11 @@ impl NodeBatch {
         groups: &[SiblingGroup],
         exact: Option<&OcclusionTest<'_>>,
         (ahead, each): (&mut PrefetchAhead<'_>, usize),
-    ) -> Counts {
+    ) -> BatchCounts {
         let mut verdicts = self.verdicts;
-        let mut counts = Counts {
+        let mut counts = BatchCounts {
             visited: verdicts.kept.count(),
-            ..Counts::default()
+            ..BatchCounts::default()
         };
         let width = WideLanes::<S>::LANES;
         for at in (0..4 * groups.len().min(SIZE)).step_by(width) {
@@ -366,7 +366,7 @@ impl NodeBatch {
             self.drop_between(simd, hiding, groups.len(), cut);
         }
         // A point has no triangle: large or small, it is a splat.
-        let always = Mask::all(model.kind().is_points());
+        let always = LaneMask::all(model.kind().is_points());
         if let Some(hiding) = hiding {
             self.hide_leaves(simd, hiding, groups, always, (cut, marks));
         }
@@ -400,11 +400,11 @@ impl NodeBatch {
         simd: S,
         tester: &NodeTester,
         groups: &[SiblingGroup],
-    ) -> Counts {
+    ) -> BatchCounts {
         let mut verdicts = self.verdicts;
-        let mut counts = Counts {
+        let mut counts = BatchCounts {
             visited: verdicts.kept.count(),
-            ..Counts::default()
+            ..BatchCounts::default()
         };
         let width = WideLanes::<S>::LANES;
         for at in (0..4 * groups.len().min(SIZE)).step_by(width) {
@@ -425,13 +425,13 @@ impl NodeBatch {
 
     /// Drops the leaves that face away.
     #[inline(always)]
-    fn drop_away(&mut self, model: &Model, tester: &NodeTester) -> Counts {
+    fn drop_away(&mut self, model: &Model, tester: &NodeTester) -> BatchCounts {
         let asked = self.verdicts.kept & !self.verdicts.faces;
         self.faces.clear();
         for lane in asked.lanes() {
             self.faces.push((self.siblings.number(lane), lane as u32));
         }
-        let mut away = Mask::default();
+        let mut away = LaneMask::default();
         if model.kind().is_points() {
             for &(leaf, lane) in &self.faces {
                 let is_away = tester.leaf_faces_away(model, leaf);
@@ -467,9 +467,9 @@ impl NodeBatch {
             }
         }
         self.verdicts.kept = self.verdicts.kept & !away;
-        Counts {
+        BatchCounts {
             away: away.count(),
-            ..Counts::default()
+            ..BatchCounts::default()
         }
     }
 }

@@ -17,7 +17,7 @@
 //! Deviations: Benda walks up from each node of the cut and tests its ancestors; his front is the cut itself. Here it
 //! lies above the cut, where each group still has such a sibling, and everything below it is tested as ever. What is saved are
 //! the tests of the nodes above the front, and these are few, since each level of a tree has about four times the nodes of the one above.
-//! `docs/PERFORMANCE.md` has the figures; [`Traversal::Auto`](crate::render::Traversal::Auto) goes from the root.
+//! `docs/PERFORMANCE.md` has the figures; [`CutTraversal::Auto`](crate::render::CutTraversal::Auto) goes from the root.
 //!
 //! What it does not do: a threshold of a fifth of the focal length or more leaves nothing to save, and such cuts start at the
 //! root; the front stays as it is. Of trees whose spheres and cones are not nested the lists may be others. Where splats are

@@ -43,7 +43,7 @@ pub fn most_splats(model: &Model) -> u64 {
 }
 
 impl NodeTester {
-    /// Those of the tester's view on a device whose window positions have so many binary places
+    /// Constants of the tester's view on a device whose window positions have so many binary places
     /// ([`Selector::with_subpixel_bits`](crate::cut::CutSelector::with_subpixel_bits)), for lists with room for so many splats and
     /// triangles. The passes know [`SizeMetric::Exact`](crate::cut::SizeMetric::Exact) alone, and thresholds from a pixel on, at
     /// which they choose what [`Selector::select_seen`](crate::cut::CutSelector::select_seen) does, hidden splats with it.

@@ -37,7 +37,7 @@ pub struct FourNodes {
 }
 
 impl FourNodes {
-    /// Their balls.
+    /// Balls of the four nodes.
     #[inline(always)]
     pub fn balls(&self) -> &FourBalls {
         &self.balls

@@ -278,13 +278,13 @@ impl NodeTester {
         V::bits(is_in_front & is_small)
     }
 
-    /// Whether a ball (model space) is drawn as a splat when it is visible: its projected diameter is at most
+    /// Tells whether a ball (model space) is drawn as a splat when it is visible: its projected diameter is at most
     /// the threshold. Never for a ball that reaches the near plane, and never at threshold 0.
     pub fn is_small(&self, center: Vec3, radius: f32) -> bool {
         self.small(&self.ball(center, radius)) & 1 != 0
     }
 
-    /// Whether a ball (model space) is wholly outside of the view volume, whose sides are moved outward by
+    /// Tells whether a ball (model space) is wholly outside of the view volume, whose sides are moved outward by
     /// half a splat. Errs to "no".
     pub fn is_outside(&self, center: Vec3, radius: f32) -> bool {
         self.volume(&self.ball(center, radius)).0 & 1 != 0

@@ -128,7 +128,7 @@ impl StripRun {
         dispatch!(Level::new(), simd => sum(simd, rows))
     }
 
-    /// Whether splat `index` is drawn.
+    /// Tells whether splat `index` is drawn.
     #[inline]
     pub fn is_seen(&self, index: u32) -> bool {
         self.seen >> (index & 31) & 1 != 0

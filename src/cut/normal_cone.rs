@@ -26,8 +26,8 @@ const ASKED: usize = 32;
 /// statue of 8 million with bumps of the size of triangles 0.59.
 const LEAST_ROUGH: f32 = 0.4;
 
-/// Whether the normals below nodes of some 64 leaves point to many sides: some of those nodes are asked. They are dropped for
-/// facing away only where they face away by far, so that of a closed surface much of the rear is looked at too.
+/// Tells whether the normals below nodes of some 64 leaves point to many sides: some of those nodes are asked. They are dropped
+/// for facing away only where they face away by far, so that of a closed surface much of the rear is looked at too.
 pub(super) fn is_rough(tree: &Tree) -> bool {
     let most = tree.leaves.len() / 64;
     let levels = tree.level_starts.windows(2);
@@ -105,7 +105,7 @@ impl NodeTester {
         [x - fold.copysign(x), y - fold.copysign(y), z]
     }
 
-    /// Whether leaf `leaf` is seen from behind or edge-on, by its own geometric normal (a cloud's: by the
+    /// Tells whether leaf `leaf` is seen from behind or edge-on, by its own geometric normal (a cloud's: by the
     /// point's normal, if it has one).
     ///
     /// Exact but for the rounding of double precision: a plane is seen from behind from all of its points or
@@ -213,7 +213,7 @@ mod tests {
     use crate::cut::CutSettings;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::math::camera::Camera;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{self, BuildOptions};
     use glam::DVec3;
 
@@ -228,7 +228,8 @@ mod tests {
         ] {
             let spec = ShapeSpec::with_triangles(shape, triangles).expect("a valid size");
             let mesh = generate::mesh(&spec);
-            let model = tree::build(mesh, &BuildOptions::default(), &Silent).expect("a tree");
+            let model =
+                tree::build(mesh, &BuildOptions::default(), &SilentProgress).expect("a tree");
             assert_eq!(is_rough(&model.tree), expected, "{shape:?}, {triangles}");
         }
         assert!(!is_rough(&Model::default().tree));

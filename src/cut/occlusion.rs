@@ -19,7 +19,7 @@ pub(crate) mod pixel_centers;
 pub(super) mod shared;
 mod splat_batch;
 
-pub(super) use crate::cut::occlusion::splat_batch::{CHUNK, Chunk};
+pub(super) use crate::cut::occlusion::splat_batch::{CHUNK, SplatChunk};
 
 use crate::cut::frustum_and_size::NodeTester;
 use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};
@@ -97,7 +97,7 @@ impl DepthMark {
         distance: NOTHING,
     };
 
-    /// That of some columns and rows, at most [`MOST_PIXELS`] pixels.
+    /// Mark of some columns and rows, at most [`MOST_PIXELS`] pixels.
     fn of(first: u32, [columns, rows]: [u32; 2], asked: u32) -> Self {
         match columns * rows {
             0 => Self::HIDDEN,
@@ -237,12 +237,12 @@ impl<'a> OcclusionTest<'a> {
         }
     }
 
-    /// Whether any node is not drawn.
+    /// Tells whether any node is not drawn.
     pub(super) fn has_undrawn_nodes(&self) -> bool {
         !self.undrawn.nodes.is_empty()
     }
 
-    /// Whether any leaf is not drawn.
+    /// Tells whether any leaf is not drawn.
     pub(super) fn has_undrawn_leaves(&self) -> bool {
         !self.undrawn.leaves.is_empty()
     }
@@ -259,7 +259,7 @@ impl<'a> OcclusionTest<'a> {
         ZeroAreaSet::four(&self.undrawn.leaves, first)
     }
 
-    /// Whether small leaves have sizes of their own, as points do, and whether large ones are splats.
+    /// Tells whether small leaves have sizes of their own, as points do, and whether large ones are splats.
     pub(super) fn of_leaves(&self) -> (bool, bool) {
         (self.footprints.is_cloud, self.footprints.large_leaves)
     }
@@ -317,26 +317,26 @@ impl<'a> OcclusionTest<'a> {
         }
     }
 
-    /// Whether anything is dropped of splats.
+    /// Tells whether anything is dropped of splats.
     #[inline(always)]
     pub(super) fn asks_splats(&self) -> bool {
         self.footprints.hides || self.is_sampled()
     }
 
-    /// Whether splats are smaller than a pixel.
+    /// Tells whether splats are smaller than a pixel.
     #[inline(always)]
     fn is_sampled(&self) -> bool {
         self.outer_px < 0.5 || self.are_pixels
     }
 
-    /// Whether all that is below a node is drawn where it contains a pixel's center: triangles, and splats that are one pixel
-    /// at most. Then what lies in a ball between centers is nothing.
+    /// Tells whether all that is below a node is drawn where it contains a pixel's center: triangles, and splats that are one
+    /// pixel at most. Then what lies in a ball between centers is nothing.
     #[inline(always)]
     pub(super) fn is_exact(&self) -> bool {
         self.are_pixels
     }
 
-    /// Whether nodes are looked for that lie behind others ([`are_behind`](Self::are_behind)).
+    /// Tells whether nodes are looked for that lie behind others ([`are_behind`](Self::are_behind)).
     #[inline(always)]
     pub(super) fn drops_nodes(&self) -> bool {
         self.drops_nodes
@@ -394,7 +394,7 @@ impl<'a> OcclusionTest<'a> {
         marks
     }
 
-    /// Whether all pixels of a mark have something nearer.
+    /// Tells whether all pixels of a mark have something nearer.
     #[inline(always)]
     fn is_hidden(&self, mark: DepthMark) -> bool {
         if mark.distance & DepthMark::IS_COUNT != 0 {

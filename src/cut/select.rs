@@ -462,7 +462,7 @@ mod tests {
     use super::*;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::pack::for_tests::levels;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{self, BuildOptions};
 
     /// However many threads there are, and wherever a cut is divided: the same lists.
@@ -472,7 +472,8 @@ mod tests {
         for shape in [GeneratedShape::Torus, GeneratedShape::Statue] {
             let spec = ShapeSpec::with_triangles(shape, 30_000).expect("a valid size");
             let mesh = generate::mesh(&spec);
-            let model = tree::build(mesh, &BuildOptions::default(), &Silent).expect("a tree");
+            let model =
+                tree::build(mesh, &BuildOptions::default(), &SilentProgress).expect("a tree");
             for (k, fill) in [(0, 0.1), (1, 0.5), (2, 2.0)] {
                 let camera = model.orbit_step((300, 300), fill, k, 3);
                 let view = camera.view(model.origin).expect("a usable camera");
@@ -526,7 +527,7 @@ mod tests {
                     triangle[2] = triangle[1];
                 }
             }
-            tree::build(mesh, &BuildOptions::default(), &Silent).expect("a tree")
+            tree::build(mesh, &BuildOptions::default(), &SilentProgress).expect("a tree")
         });
         let mut counts = [0; 6];
         for model in &models {

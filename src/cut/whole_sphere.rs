@@ -13,7 +13,7 @@ pub struct WholeSphere {
 }
 
 impl WholeSphere {
-    /// That of a model's root.
+    /// Sphere of a model's root.
     pub fn of(model: &Model) -> Self {
         let root = model.tree.nodes.first();
         let root = root.map(|node| (node.center, node.radius));

@@ -1,12 +1,12 @@
 //! A scene made ready, and what is measured of its pictures.
 
-use super::Error;
+use super::FailuresError;
 use super::colors::{self, ColorRange, moire, strays};
 use crate::cut::{Cut, CutSelector};
-use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
+use crate::image::{FloatImage, Image, PictureAccumulator, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::{self, squared_distances};
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::render::PictureOutputs;
 use crate::render::cut_key::cut_settings;
 use crate::render::engine::{Backend, Engine};
@@ -108,13 +108,13 @@ impl FailureFigure {
 pub struct FailureCase {
     /// The scene.
     pub entry: &'static SceneEntry,
-    /// Its threshold, pixels.
+    /// Threshold of the scene, pixels.
     pub threshold_px: f32,
-    /// Its tree.
+    /// Tree of the scene.
     pub model: Model,
-    /// Its camera.
+    /// Camera of the scene.
     pub view: View,
-    /// Its closed forms.
+    /// Closed forms of the scene.
     pub expected: ExpectedFigures,
     /// The truth: triangles, nothing culled, 16 samples a pixel; none for clouds.
     pub truth: Option<FloatImage>,
@@ -147,14 +147,14 @@ impl FailureCase {
     ///
     /// # Errors
     /// When the device cannot draw.
-    pub fn new(entry: &'static SceneEntry, backend: &Backend) -> Result<Self, Error> {
+    pub fn new(entry: &'static SceneEntry, backend: &Backend) -> Result<Self, FailuresError> {
         let BuiltScene {
             mesh,
             camera,
             threshold_px,
             expected,
         } = entry.make();
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress)?;
         let view = camera.view(model.origin)?;
         let (mut ranges, mut is_center_open) = (Vec::new(), Vec::new());
         let truth = if model.kind().is_points() {
@@ -167,7 +167,7 @@ impl FailureCase {
             };
             let size = (view.width, view.height);
             let mut engine = Engine::new(backend, &model, size, PictureOutputs::default())?;
-            let mut mean = Accumulator::new();
+            let mut mean = PictureAccumulator::new();
             let center = engine.render(&view, &settings)?;
             is_center_open = center.color.iter().map(|c| c[3] == 0).collect();
             ranges = colors::ranges(&center);
@@ -210,7 +210,7 @@ impl FailureCase {
         &self,
         picture: &Image,
         reach_px: f64,
-    ) -> Result<Vec<(FailureFigure, f64)>, Error> {
+    ) -> Result<Vec<(FailureFigure, f64)>, FailuresError> {
         let center = picture.color[center_of(&self.view)];
         let alpha = f64::from(center[3].max(1)) / 255.0;
         let area: f64 = picture.color.iter().map(|c| f64::from(c[3]) / 255.0).sum();
@@ -260,7 +260,7 @@ impl FailureCase {
     ///
     /// # Errors
     /// When the picture has another size.
-    pub fn flip(&self, picture: &Image) -> Result<Option<f64>, Error> {
+    pub fn flip(&self, picture: &Image) -> Result<Option<f64>, FailuresError> {
         let Some(truth) = &self.truth else {
             return Ok(None);
         };

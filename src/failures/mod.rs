@@ -35,13 +35,13 @@ use crate::scenes::SceneEntry;
 /// Why the failures could not be measured.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum FailuresError {
     /// A scene has no tree.
     #[error(transparent)]
     Tree(#[from] crate::tree::Error),
     /// A scene has no camera.
     #[error(transparent)]
-    Camera(#[from] crate::math::camera::Error),
+    Camera(#[from] crate::math::camera::CameraError),
     /// The device could not draw.
     #[error(transparent)]
     Gpu(#[from] crate::gpu::Error),
@@ -65,7 +65,7 @@ pub struct FailureLook {
 }
 
 impl FailureLook {
-    /// Whether a scene is drawn so. `splats` is `pop` where no leaf is larger than the threshold, and drawn only where
+    /// Tells whether a scene is drawn so. `splats` is `pop` where no leaf is larger than the threshold, and drawn only where
     /// one is; points of clouds have sizes of their own in both.
     pub fn is_for(&self, case: &FailureCase) -> bool {
         let is_own_picture = match (self.settings.method, self.settings.splat) {
@@ -253,7 +253,7 @@ pub static GROUPS: &[(&str, &str, &[&str])] = &[
 
 /// What is heard of every cell: the case, the way of drawing, the verdict, the picture.
 pub type Sink<'a> =
-    dyn FnMut(&FailureCase, &FailureLook, FailureCell, Image) -> Result<(), Error> + 'a;
+    dyn FnMut(&FailureCase, &FailureLook, FailureCell, Image) -> Result<(), FailuresError> + 'a;
 
 /// Draws scenes by looks on `backend`, scene by scene, and judges each picture. The truth is drawn there too.
 ///
@@ -265,13 +265,13 @@ pub fn run(
     looks: &[FailureLook],
     progress: &dyn Progress,
     sink: &mut Sink<'_>,
-) -> Result<(), Error> {
+) -> Result<(), FailuresError> {
     progress.stage("draw", entries.len() as u64);
     for entry in entries {
         let case = FailureCase::new(entry, backend)?;
         for look in looks.iter().filter(|look| look.is_for(&case)) {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(FailuresError::Cancelled);
             }
             let picture = case.draw(backend, look)?;
             let cell = case.judge(look, &picture)?;
@@ -296,7 +296,7 @@ impl FailureCase {
     ///
     /// # Errors
     /// When the device cannot draw.
-    pub fn draw(&self, backend: &Backend, look: &FailureLook) -> Result<Image, Error> {
+    pub fn draw(&self, backend: &Backend, look: &FailureLook) -> Result<Image, FailuresError> {
         let settings = Settings {
             threshold_px: self.splat_px(look),
             ..look.settings

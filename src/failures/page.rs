@@ -1,6 +1,6 @@
 //! The table of failures for people and programs: text, CSV, one HTML file that needs no other.
 
-use super::{Error, FailureCell, FailureFigure, FailureVerdict, GROUPS};
+use super::{FailureCell, FailureFigure, FailureVerdict, FailuresError, GROUPS};
 use crate::image::{Image, contact_sheet};
 use crate::scenes::SceneEntry;
 use ::image::ImageEncoder;
@@ -8,7 +8,7 @@ use std::fmt::Write;
 
 /// A cell with its picture, made small.
 #[derive(Debug, Clone)]
-pub struct Shot {
+pub struct CellShot {
     /// What was measured and said.
     pub cell: FailureCell,
     /// The picture, at most [`THUMB_PX`] wide.
@@ -20,17 +20,17 @@ pub struct Shot {
 pub struct SceneRow {
     /// The scene.
     pub entry: &'static SceneEntry,
-    /// Its threshold, pixels.
+    /// Threshold of the scene, pixels.
     pub threshold_px: f32,
     /// The truth, made small; none for clouds.
     pub truth: Option<Image>,
     /// By look.
-    pub shots: Vec<Shot>,
+    pub shots: Vec<CellShot>,
 }
 
 /// Scenes by looks.
 #[derive(Debug, Default)]
-pub struct Table {
+pub struct SceneTable {
     /// What drew.
     pub device: String,
     /// The looks, in the order of columns.
@@ -57,7 +57,7 @@ const SHOWN: [(FailureFigure, &str); 6] = [
     (FailureFigure::Flip, "FLIP"),
 ];
 
-impl Table {
+impl SceneTable {
     fn cells(&self) -> impl Iterator<Item = &FailureCell> {
         let shots = self.scenes.iter().flat_map(|row| &row.shots);
         shots.map(|shot| &shot.cell)
@@ -144,7 +144,7 @@ impl Table {
         }
         csv.push_str(",bounds,cause\r\n");
         for row in &self.scenes {
-            for Shot { cell, .. } in &row.shots {
+            for CellShot { cell, .. } in &row.shots {
                 let _ = write!(
                     csv,
                     "{},{},{},{}",
@@ -170,7 +170,7 @@ impl Table {
     ///
     /// # Errors
     /// When a picture cannot be packed.
-    pub fn html(&self) -> Result<String, Error> {
+    pub fn html(&self) -> Result<String, FailuresError> {
         let mut page = String::from(HEAD);
         let _ = write!(
             page,
@@ -254,7 +254,7 @@ p{margin:2px 0}img{display:block;background:#000;image-rendering:pixelated}</sty
 <h1>Where the methods fail</h1>\
 <p>Green: within the rules. Yellow: a known limit, with its cause. Red: out of bounds. Point at a cell for its bounds.</p>";
 
-fn cell_html(page: &mut String, shot: &Shot) -> Result<(), Error> {
+fn cell_html(page: &mut String, shot: &CellShot) -> Result<(), FailuresError> {
     let cell = &shot.cell;
     let class = match cell.verdict {
         FailureVerdict::Pass => "pass",
@@ -325,7 +325,7 @@ fn escaped(text: &str) -> String {
 }
 
 /// A picture as part of the page.
-fn image_tag(page: &mut String, picture: &Image, alt: &str) -> Result<(), Error> {
+fn image_tag(page: &mut String, picture: &Image, alt: &str) -> Result<(), FailuresError> {
     let rgb: Vec<u8> = picture
         .color
         .iter()
@@ -394,7 +394,7 @@ mod tests {
         }
     }
 
-    fn table() -> Table {
+    fn table() -> SceneTable {
         let bound = FailureBound {
             figure: FailureFigure::Holes,
             value: 3.0,
@@ -409,11 +409,11 @@ mod tests {
             bounds,
             verdict,
         };
-        let shot = |cell| Shot {
+        let shot = |cell| CellShot {
             cell,
             thumb: Image::filled(4, 4, [255; 4]),
         };
-        Table {
+        SceneTable {
             device: "a <device>".into(),
             looks: vec!["pop", "pop, culling off", "disc"],
             scenes: vec![SceneRow {

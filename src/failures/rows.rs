@@ -24,7 +24,7 @@ pub struct FailureRow {
 }
 
 impl FailureRow {
-    /// Whether it is about a picture.
+    /// Tells whether it is about a picture.
     pub fn is_of(&self, scene: &str, look: &str) -> bool {
         self.scenes.split(' ').any(|s| s == scene) && self.looks.split('|').any(|l| l == look)
     }

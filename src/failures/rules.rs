@@ -2,7 +2,7 @@
 
 use super::colors::FARTHEST_PX;
 use super::figures::{FailureCase, FailureFigure};
-use super::{Error, FailureLook, rows};
+use super::{FailureLook, FailuresError, rows};
 use crate::image::Image;
 use crate::render::{Method, SplatKind};
 
@@ -216,7 +216,7 @@ impl FailureCase {
     ///
     /// # Errors
     /// When the picture has another size than the scene.
-    pub fn judge(&self, look: &FailureLook, picture: &Image) -> Result<FailureCell, Error> {
+    pub fn judge(&self, look: &FailureLook, picture: &Image) -> Result<FailureCell, FailuresError> {
         let figures = self.measure(picture, reach_px(self, look))?;
         let rules = rules(self, look);
         let mut bounds = Vec::new();

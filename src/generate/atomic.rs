@@ -1,6 +1,6 @@
 //! Files that appear only when they are complete.
 
-use super::Error;
+use super::GenerateError;
 use std::{
     fs::{File, OpenOptions},
     io::{self, Write},
@@ -14,15 +14,15 @@ use std::{
 /// pipe, `/dev/null`) is written directly.
 pub(crate) fn write(
     path: &Path,
-    fill: impl FnOnce(&mut File) -> Result<(), Error>,
-) -> Result<(), Error> {
-    let failed = |source: io::Error| Error::Write {
+    fill: impl FnOnce(&mut File) -> Result<(), GenerateError>,
+) -> Result<(), GenerateError> {
+    let failed = |source: io::Error| GenerateError::Write {
         path: path.to_owned(),
         source,
     };
     // An error of the stream says nothing of the file; from here on it does.
     let named = |error| match error {
-        Error::Stream(source) => failed(source),
+        GenerateError::Stream(source) => failed(source),
         other => other,
     };
 
@@ -64,9 +64,9 @@ mod tests {
         std::fs::write(&path, "old").expect("written");
         let result = write(&path, |file| {
             file.write_all(b"half")?;
-            Err(Error::Cancelled)
+            Err(GenerateError::Cancelled)
         });
-        assert!(matches!(result, Err(Error::Cancelled)));
+        assert!(matches!(result, Err(GenerateError::Cancelled)));
         assert_eq!(std::fs::read(&path).expect("read"), b"old");
         assert_eq!(std::fs::read_dir(&folder).expect("listed").count(), 1);
 

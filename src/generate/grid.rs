@@ -12,16 +12,16 @@ const TORUS_MINOR: f64 = 0.4;
 const BLOCK: usize = 1 << 16;
 
 /// The grid of a shape other than the statue. Vertex (i, j) has index `j (columns + 1) + i`.
-pub(super) struct Grid {
+pub(super) struct ShapeGrid {
     shape: GeneratedShape,
     columns: u64,
     rows: u64,
 }
 
-impl Grid {
-    pub(super) fn new(spec: &ShapeSpec) -> Grid {
+impl ShapeGrid {
+    pub(super) fn new(spec: &ShapeSpec) -> ShapeGrid {
         let (columns, rows) = spec.grid();
-        Grid {
+        ShapeGrid {
             shape: spec.shape(),
             columns: columns.into(),
             rows: rows.into(),
@@ -81,7 +81,7 @@ fn single(x: f64, y: f64, z: f64) -> Vec3 {
     )
 }
 
-impl ShapeSurface for Grid {
+impl ShapeSurface for ShapeGrid {
     fn vertex_blocks(&self) -> Vec<Range<usize>> {
         super::blocks(((self.columns + 1) * (self.rows + 1)) as usize, BLOCK)
     }

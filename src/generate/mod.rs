@@ -16,7 +16,7 @@
 //! use surfel::generate::{self, GeneratedShape, ShapeSpec};
 //! let mesh = generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 50_000)?);
 //! assert_eq!(mesh.triangles.len(), 12 * 65 * 65);
-//! # Ok::<(), generate::Error>(())
+//! # Ok::<(), generate::GenerateError>(())
 //! ```
 
 mod atomic;
@@ -39,7 +39,7 @@ use std::{io::Write, ops::Range, path::Path, path::PathBuf};
 /// Why a model could not be generated or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum GenerateError {
     /// No shape of that name.
     #[error("unknown shape '{0}'; there are square, sphere, torus and statue")]
     UnknownShape(String),
@@ -76,7 +76,7 @@ pub enum Error {
         positions: usize,
         /// The array that does not match.
         what: &'static str,
-        /// Its length.
+        /// Length of that array.
         found: usize,
     },
     /// The file could not be written.
@@ -111,7 +111,7 @@ trait ShapeSurface: Sync {
 fn surface(spec: &ShapeSpec) -> Box<dyn ShapeSurface> {
     match spec.shape() {
         GeneratedShape::Statue => Box::new(statue::StatueShape::new(spec.grid().0)),
-        _ => Box::new(grid::Grid::new(spec)),
+        _ => Box::new(grid::ShapeGrid::new(spec)),
     }
 }
 
@@ -179,12 +179,12 @@ const MOST_BLOCKS: usize = 16;
 ///
 /// # Errors
 ///
-/// [`Error::Stream`] when `out` fails, [`Error::Cancelled`] when `progress` says so; `out` then holds a part.
+/// [`GenerateError::Stream`] when `out` fails, [`GenerateError::Cancelled`] when `progress` says so; `out` then holds a part.
 pub fn write_ply(
     spec: &ShapeSpec,
     out: &mut (impl Write + ?Sized),
     progress: &dyn Progress,
-) -> Result<(), Error> {
+) -> Result<(), GenerateError> {
     let surface = surface(spec);
     let (vertices, triangles) = spec.counts();
     let layout = ply::PlyLayout {
@@ -219,10 +219,10 @@ fn in_order(
     out: &mut (impl Write + ?Sized),
     progress: &dyn Progress,
     encode: impl Fn(&Range<usize>) -> Vec<u8> + Sync,
-) -> Result<(), Error> {
+) -> Result<(), GenerateError> {
     for some in blocks.chunks(rayon::current_num_threads().min(MOST_BLOCKS)) {
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(GenerateError::Cancelled);
         }
         let encoded: Vec<Vec<u8>> = some.par_iter().map(&encode).collect();
         for bytes in encoded {
@@ -237,7 +237,11 @@ fn in_order(
 ///
 /// # Errors
 ///
-/// [`Error::Write`] when the file cannot be written, [`Error::Cancelled`] when `progress` says so.
-pub fn write_ply_file(spec: &ShapeSpec, path: &Path, progress: &dyn Progress) -> Result<(), Error> {
+/// [`GenerateError::Write`] when the file cannot be written, [`GenerateError::Cancelled`] when `progress` says so.
+pub fn write_ply_file(
+    spec: &ShapeSpec,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<(), GenerateError> {
     atomic::write(path, |out| write_ply(spec, out, progress))
 }

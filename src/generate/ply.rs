@@ -4,7 +4,7 @@
 //! origin is not zero, `x y z` are doubles with the origin added back. Faces are `vertex_indices` lists of
 //! three; a point cloud has no face element.
 
-use super::{Error, atomic};
+use super::{GenerateError, atomic};
 use crate::{mesh::Mesh, progress::Progress};
 use glam::{DVec3, Vec3};
 use std::{fmt::Write as _, io::Write, path::Path};
@@ -23,14 +23,14 @@ pub(super) struct PlyLayout {
 }
 
 impl PlyLayout {
-    fn of(mesh: &Mesh) -> Result<PlyLayout, Error> {
+    fn of(mesh: &Mesh) -> Result<PlyLayout, GenerateError> {
         let positions = mesh.positions.len();
         for (what, found) in [
             ("normals", mesh.normals.len()),
             ("colors", mesh.colors.len()),
         ] {
             if found != 0 && found != positions {
-                return Err(Error::Inconsistent {
+                return Err(GenerateError::Inconsistent {
                     positions,
                     what,
                     found,
@@ -142,13 +142,13 @@ fn put<const N: usize>(bytes: &mut Vec<u8>, numbers: [[u8; N]; 3]) {
 ///
 /// # Errors
 ///
-/// [`Error::Inconsistent`] when normals or colors are neither absent nor one per vertex,
-/// [`Error::Stream`] when `out` fails, [`Error::Cancelled`] when `progress` says so; `out` then holds a part.
+/// [`GenerateError::Inconsistent`] when normals or colors are neither absent nor one per vertex,
+/// [`GenerateError::Stream`] when `out` fails, [`GenerateError::Cancelled`] when `progress` says so; `out` then holds a part.
 pub fn write_to(
     mesh: &Mesh,
     out: &mut (impl Write + ?Sized),
     progress: &dyn Progress,
-) -> Result<(), Error> {
+) -> Result<(), GenerateError> {
     let layout = PlyLayout::of(mesh)?;
     let header = layout.header();
     progress.stage("write", header.len() as u64 + layout.body_bytes());
@@ -157,7 +157,7 @@ pub fn write_to(
 
     let mut write = |bytes: Vec<u8>| {
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(GenerateError::Cancelled);
         }
         out.write_all(&bytes)?;
         progress.advance(bytes.len() as u64);
@@ -181,20 +181,20 @@ pub fn write_to(
 ///
 /// # Errors
 ///
-/// [`Error::Inconsistent`] as for [`write_to`], [`Error::Write`] when the file cannot be written,
-/// [`Error::Cancelled`] when `progress` says so.
-pub fn write(mesh: &Mesh, path: &Path, progress: &dyn Progress) -> Result<(), Error> {
+/// [`GenerateError::Inconsistent`] as for [`write_to`], [`GenerateError::Write`] when the file cannot be written,
+/// [`GenerateError::Cancelled`] when `progress` says so.
+pub fn write(mesh: &Mesh, path: &Path, progress: &dyn Progress) -> Result<(), GenerateError> {
     atomic::write(path, |out| write_to(mesh, out, progress))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
 
     fn text_and_body(mesh: &Mesh) -> (String, Vec<u8>) {
         let mut bytes = Vec::new();
-        write_to(mesh, &mut bytes, &Silent).expect("a vector takes everything");
+        write_to(mesh, &mut bytes, &SilentProgress).expect("a vector takes everything");
         let end = b"end_header\n";
         let split = bytes
             .windows(end.len())
@@ -264,8 +264,8 @@ mod tests {
             ..Mesh::default()
         };
         assert!(matches!(
-            write_to(&mesh, &mut Vec::new(), &Silent),
-            Err(Error::Inconsistent {
+            write_to(&mesh, &mut Vec::new(), &SilentProgress),
+            Err(GenerateError::Inconsistent {
                 positions: 3,
                 what: "normals",
                 found: 2

@@ -1,6 +1,6 @@
 //! Which model to generate and how finely.
 
-use super::Error;
+use super::GenerateError;
 use std::{fmt, str::FromStr};
 
 /// A generated surface. All are in single precision, counter-clockwise from outside, y up.
@@ -43,13 +43,13 @@ impl fmt::Display for GeneratedShape {
 }
 
 impl FromStr for GeneratedShape {
-    type Err = Error;
+    type Err = GenerateError;
 
-    fn from_str(name: &str) -> Result<GeneratedShape, Error> {
+    fn from_str(name: &str) -> Result<GeneratedShape, GenerateError> {
         GeneratedShape::ALL
             .into_iter()
             .find(|shape| shape.name() == name)
-            .ok_or_else(|| Error::UnknownShape(name.to_owned()))
+            .ok_or_else(|| GenerateError::UnknownShape(name.to_owned()))
     }
 }
 
@@ -60,7 +60,7 @@ impl FromStr for GeneratedShape {
 /// let spec = ShapeSpec::with_triangles(GeneratedShape::Sphere, 1_000_000)?;
 /// assert_eq!(spec.grid(), (1000, 500));
 /// assert_eq!(spec.counts(), (501_501, 1_000_000));
-/// # Ok::<(), surfel::generate::Error>(())
+/// # Ok::<(), surfel::generate::GenerateError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ShapeSpec {
@@ -70,10 +70,10 @@ pub struct ShapeSpec {
 }
 
 impl FromStr for ShapeSpec {
-    type Err = Error;
+    type Err = GenerateError;
 
     /// `SHAPE[:TRIANGLES]`, a million triangles without a number; `_` may part its digits.
-    fn from_str(text: &str) -> Result<ShapeSpec, Error> {
+    fn from_str(text: &str) -> Result<ShapeSpec, GenerateError> {
         let (shape, triangles) = match text.split_once(':') {
             Some((shape, triangles)) => (shape, Some(triangles)),
             None => (text, None),
@@ -81,7 +81,9 @@ impl FromStr for ShapeSpec {
         let shape: GeneratedShape = shape.parse()?;
         let triangles = triangles.map_or(Ok(1_000_000), |text| {
             let digits = text.replace('_', "");
-            digits.parse().map_err(|_| Error::BadCount(text.to_owned()))
+            digits
+                .parse()
+                .map_err(|_| GenerateError::BadCount(text.to_owned()))
         })?;
         ShapeSpec::with_triangles(shape, triangles)
     }
@@ -104,15 +106,18 @@ impl ShapeSpec {
     ///
     /// # Errors
     ///
-    /// [`Error::TooFewTriangles`] for 0, [`Error::TooLarge`] above what 32-bit indices can name.
-    pub fn with_triangles(shape: GeneratedShape, triangles: u64) -> Result<ShapeSpec, Error> {
+    /// [`GenerateError::TooFewTriangles`] for 0, [`GenerateError::TooLarge`] above what 32-bit indices can name.
+    pub fn with_triangles(
+        shape: GeneratedShape,
+        triangles: u64,
+    ) -> Result<ShapeSpec, GenerateError> {
         if triangles == 0 {
-            return Err(Error::TooFewTriangles);
+            return Err(GenerateError::TooFewTriangles);
         }
         // Refused here already, so that nothing below can overflow: no shape has more than two triangles a
         // vertex by more than a handful.
         if triangles > 2 * MOST_VERTICES + 2 {
-            return Err(Error::TooLarge {
+            return Err(GenerateError::TooLarge {
                 shape,
                 limit: MOST_VERTICES,
             });
@@ -151,8 +156,12 @@ impl ShapeSpec {
     ///
     /// # Errors
     ///
-    /// [`Error::BadGrid`] below these limits, [`Error::TooLarge`] above what 32-bit indices can name.
-    pub fn with_grid(shape: GeneratedShape, columns: u32, rows: u32) -> Result<ShapeSpec, Error> {
+    /// [`GenerateError::BadGrid`] below these limits, [`GenerateError::TooLarge`] above what 32-bit indices can name.
+    pub fn with_grid(
+        shape: GeneratedShape,
+        columns: u32,
+        rows: u32,
+    ) -> Result<ShapeSpec, GenerateError> {
         let (fits, wanted) = match shape {
             GeneratedShape::Square => (columns >= 1 && rows >= 1, "at least 1x1"),
             GeneratedShape::Sphere => (columns >= 3 && rows >= 2, "at least 3x2"),
@@ -160,7 +169,7 @@ impl ShapeSpec {
             GeneratedShape::Statue => (columns >= 1 && columns == rows, "NxN with N at least 1"),
         };
         if !fits {
-            return Err(Error::BadGrid {
+            return Err(GenerateError::BadGrid {
                 shape,
                 columns,
                 rows,
@@ -170,8 +179,8 @@ impl ShapeSpec {
         ShapeSpec::checked(shape, u64::from(columns), u64::from(rows))
     }
 
-    fn checked(shape: GeneratedShape, columns: u64, rows: u64) -> Result<ShapeSpec, Error> {
-        let too_large = Error::TooLarge {
+    fn checked(shape: GeneratedShape, columns: u64, rows: u64) -> Result<ShapeSpec, GenerateError> {
+        let too_large = GenerateError::TooLarge {
             shape,
             limit: MOST_VERTICES,
         };
@@ -254,14 +263,14 @@ mod tests {
     fn limits_are_errors() {
         assert!(matches!(
             ShapeSpec::with_triangles(GeneratedShape::Sphere, 0),
-            Err(Error::TooFewTriangles)
+            Err(GenerateError::TooFewTriangles)
         ));
         for shape in GeneratedShape::ALL {
             for triangles in [u64::MAX, 8_700_000_000, 17_179_869_184] {
                 assert!(
                     matches!(
                         ShapeSpec::with_triangles(shape, triangles),
-                        Err(Error::TooLarge { .. })
+                        Err(GenerateError::TooLarge { .. })
                     ),
                     "{shape} {triangles}"
                 );
@@ -274,7 +283,7 @@ mod tests {
         }
         assert!(matches!(
             ShapeSpec::with_grid(GeneratedShape::Square, u32::MAX, 1),
-            Err(Error::TooLarge { .. })
+            Err(GenerateError::TooLarge { .. })
         ));
         for (shape, columns, rows) in [
             (GeneratedShape::Square, 0, 1),
@@ -286,12 +295,12 @@ mod tests {
         ] {
             assert!(matches!(
                 ShapeSpec::with_grid(shape, columns, rows),
-                Err(Error::BadGrid { .. })
+                Err(GenerateError::BadGrid { .. })
             ));
         }
         assert!(matches!(
             "cube".parse::<GeneratedShape>(),
-            Err(Error::UnknownShape(_))
+            Err(GenerateError::UnknownShape(_))
         ));
     }
 }

@@ -6,7 +6,7 @@
 
 use ash::vk;
 
-/// How a pass uses a resource.
+/// Use that a pass makes of a resource.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ResourceAccess {
     /// Sampled in a fragment shader.
@@ -51,7 +51,7 @@ pub enum ResourceAccess {
     Present,
 }
 
-/// What an access means to Vulkan.
+/// Stages, accesses and layout of an access in Vulkan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AccessScope {
     /// Pipeline stages that do it.
@@ -60,7 +60,7 @@ pub struct AccessScope {
     pub access: vk::AccessFlags2,
     /// Layout that an image must be in.
     pub layout: vk::ImageLayout,
-    /// Whether it writes.
+    /// Memory is written.
     pub writes: bool,
 }
 
@@ -184,7 +184,7 @@ impl ResourceAccess {
     }
 }
 
-/// What has to happen between the last uses of a resource and the next one.
+/// Wait between the last uses of a resource and the next one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ResourceBarrier {
     /// Stages to wait for.
@@ -201,7 +201,7 @@ pub struct ResourceBarrier {
     pub new_layout: vk::ImageLayout,
 }
 
-/// What happened to a resource so far, in submission order.
+/// Past uses of a resource, in submission order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ResourceState {
     layout: vk::ImageLayout,

@@ -63,7 +63,7 @@ impl<'a> BufferSlice<'a> {
     }
 }
 
-/// Where a draw or dispatch is recorded.
+/// Pipeline, slot and command buffer for which a draw or dispatch is recorded.
 pub(super) struct BindSite<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) commands: vk::CommandBuffer,
@@ -76,7 +76,7 @@ pub(super) struct BindSite<'a> {
     pub(super) has_failed: Cell<bool>,
 }
 
-/// What the bindings of a pipeline get, each kind in ascending order of its bindings.
+/// Resources of the bindings of a pipeline, each kind in ascending order of its bindings.
 pub(super) struct BoundResources<'a> {
     pub(super) uniforms: &'a [UniformBlock],
     pub(super) images: &'a [&'a DeviceImage],

@@ -9,7 +9,7 @@ use gpu_allocator::vulkan::Allocation;
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
-/// What all buffers share: handle, memory, name, state.
+/// Common part of all buffers: handle, memory, name, state.
 #[derive(Debug)]
 struct RawBuffer {
     gpu: Arc<Gpu>,
@@ -145,7 +145,7 @@ pub struct DeviceBuffer {
 
 any_buffer!(DeviceBuffer);
 
-/// What a device buffer is for.
+/// Purpose of a device buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BufferUsage {
     /// Vertex attributes, and storage of compute passes.

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// One moment on both clocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClockAnchor {
-    /// On the host's clock.
+    /// On the processor's clock.
     pub host: Instant,
     /// On the device's clock, ticks.
     pub ticks: u64,
@@ -22,7 +22,7 @@ pub struct ClockAnchor {
 }
 
 impl ClockAnchor {
-    /// The moment of a timestamp on the host's clock; `None` when it lies outside of what the host's clock can say.
+    /// The moment of a timestamp on the processor's clock; `None` when it lies outside of what the processor's clock can say.
     pub fn instant_of(&self, ticks: u64, info: &DeviceInfo) -> Option<Instant> {
         let ms = info.ms_between(self.ticks, ticks);
         let offset = Duration::try_from_secs_f64(ms.abs() / 1e3).ok()?;

@@ -122,7 +122,7 @@ impl CallFaults {
         }))
     }
 
-    /// How many calls there were that can fail so.
+    /// Number of calls so far that can fail so.
     pub fn calls(&self) -> u64 {
         self.0.calls.load(Ordering::Relaxed)
     }

@@ -45,14 +45,14 @@ pub struct FrameTicket {
     value: u64,
 }
 
-/// What a finished frame cost.
+/// Cost of a finished frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FinishedFrame {
     /// Time of each pass on the device, in order; empty without timestamps.
     pub passes: Vec<PassTime>,
-    /// Where the passes lie on the device's clock.
+    /// Times of the passes on the device's clock.
     pub device: DeviceTimes,
-    /// What each pass that draws counted; empty unless [`FrameMeasure::counters`] was set.
+    /// Counts of each pass that draws; empty unless [`FrameMeasure::counters`] was set.
     pub counters: Vec<PassCounters>,
     /// Bytes of uniform blocks that the host wrote for it.
     pub uniform_bytes: u64,
@@ -133,7 +133,7 @@ impl FrameRing {
         Ok(frames)
     }
 
-    /// What the frames recorded from now on report. What the device lacks is left out: pass times without
+    /// Sets what the frames recorded from now on report. What the device lacks is left out: pass times without
     /// timestamps, counters without queries for them. What is off costs nothing.
     ///
     /// # Errors
@@ -160,7 +160,7 @@ impl FrameRing {
         self.barriers.omitted = true;
     }
 
-    /// How many frames can be in flight.
+    /// Most frames that can be in flight.
     pub fn in_flight(&self) -> usize {
         self.slots.len()
     }
@@ -323,7 +323,7 @@ impl FrameRecorder<'_> {
         self.read_back_part(name, image, [0, 0, image.width, image.height], into);
     }
 
-    /// As [`read_back`](FrameRecorder::read_back), for the rectangle `[x, y, width, height]` of the image.
+    /// Reads back the rectangle `[x, y, width, height]` of the image, as [`read_back`](FrameRecorder::read_back) does the whole.
     ///
     /// # Panics
     /// When the rectangle reaches out of the image, or the buffer is smaller than the rectangle.

@@ -72,7 +72,7 @@ pub struct DeviceImage {
     rows: Option<MappedRows>,
 }
 
-/// Where the rows of an image lie that the host writes.
+/// Place of the rows of an image that the processor writes.
 #[derive(Debug)]
 struct MappedRows {
     /// The first byte in the image's memory, and bytes from row to row: multiples of 4.
@@ -81,20 +81,20 @@ struct MappedRows {
     shadow: Option<Vec<u8>>,
 }
 
-/// What memory an image lies in.
+/// Memory that an image lies in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum ImageMemory {
-    /// That of the device.
+    /// Memory of the device.
     Device,
     /// Mapped, row by row.
     Mapped,
 }
 
-/// What a mapped image is for.
+/// Uses of a mapped image.
 pub(super) const MAPPED_USAGE: vk::ImageUsageFlags = vk::ImageUsageFlags::from_raw(
     vk::ImageUsageFlags::SAMPLED.as_raw() | vk::ImageUsageFlags::TRANSFER_SRC.as_raw(),
 );
-/// Its format.
+/// Format of a mapped image.
 pub(super) const MAPPED_FORMAT: ImageFormat = ImageFormat::Rgba8;
 
 impl DeviceImage {
@@ -120,7 +120,7 @@ impl DeviceImage {
         )
     }
 
-    /// As [`new`](DeviceImage::new), and can be copied to.
+    /// Makes an image as [`new`](DeviceImage::new) does that can be copied to as well.
     ///
     /// # Errors
     /// As there.
@@ -310,7 +310,7 @@ impl DeviceImage {
     }
 }
 
-/// What a target is for: to be drawn into, sampled and copied from.
+/// Uses of a target: to be drawn into, sampled and copied from.
 fn target(format: ImageFormat) -> vk::ImageUsageFlags {
     let drawn = match format {
         ImageFormat::Depth32 => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,

@@ -1,4 +1,4 @@
-//! What the validation layers say: a list that outlives the instance, so that teardown is covered.
+//! Messages of the validation layers: a list that outlives the instance, so that teardown is covered.
 
 use ash::vk;
 use std::ffi::{CStr, c_void};
@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 pub struct LayerMessage {
     /// Identifier, such as `VUID-...`; empty when there is none.
     pub id: String,
-    /// Whether it is an error (else a warning).
+    /// The message is an error (else a warning).
     pub is_error: bool,
     /// The text.
     pub text: String,

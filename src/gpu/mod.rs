@@ -63,7 +63,7 @@ pub enum Error {
     /// The device that was asked for is not there.
     #[error("no device matches {wanted:?}; there is: {available}")]
     UnknownDevice {
-        /// What was asked for.
+        /// Name or index that was asked for.
         wanted: String,
         /// The devices of this machine.
         available: String,
@@ -78,19 +78,19 @@ pub enum Error {
     Vulkan {
         /// The call.
         call: &'static str,
-        /// What it was for.
+        /// Object of the call.
         object: String,
-        /// What Vulkan answered.
+        /// Answer of Vulkan.
         result: vk::Result,
     },
     /// Memory ran out or could not be had.
     #[error("cannot allocate {bytes} bytes of {place} memory for {object}: {cause}")]
     Memory {
-        /// What it was for.
+        /// Object of the memory.
         object: String,
-        /// How much.
+        /// Number of bytes.
         bytes: u64,
-        /// Which kind.
+        /// Kind of memory.
         place: &'static str,
         /// The allocator's reason.
         cause: String,
@@ -102,25 +102,25 @@ pub enum Error {
     Surface {
         /// The device.
         device: String,
-        /// What is missing.
+        /// Reason of the failure.
         cause: String,
     },
     /// The device lacks what this needs.
     #[error("{what} cannot be drawn: {why}")]
     Unsupported {
-        /// What was asked for.
+        /// Feature that was asked for.
         what: &'static str,
-        /// What is missing.
+        /// Reason why it is not there.
         why: String,
     },
     /// Something is larger than the device allows.
     #[error("{what} is {value}; this device allows {limit}")]
     Limit {
-        /// What.
+        /// Name of the quantity.
         what: String,
-        /// How large it is.
+        /// Value that was wanted.
         value: u64,
-        /// How large it may be.
+        /// Largest value that is allowed.
         limit: u64,
     },
 }
@@ -136,7 +136,7 @@ impl Error {
     }
 }
 
-/// How to open a device.
+/// Options of opening a device.
 #[derive(Debug, Clone, Default)]
 pub struct DeviceOptions {
     /// Part of a device's name or its index in [`device::list`]; `None` takes the best.
@@ -322,17 +322,17 @@ impl Gpu {
         &self.info
     }
 
-    /// What the validation layer has said so far; the list outlives the device.
+    /// Messages of the validation layer so far; the list outlives the device.
     pub fn messages(&self) -> &LayerMessages {
         &self.messages
     }
 
-    /// How many pipelines were compiled since the device was opened. A frame loop must not raise it.
+    /// Number of pipelines compiled since the device was opened. A frame loop must not raise it.
     pub fn compiled_pipelines(&self) -> u64 {
         self.compiled_pipelines.load(Ordering::Relaxed)
     }
 
-    /// How many buffers and images were created since the device was opened. A frame loop must not raise it
+    /// Number of buffers and images created since the device was opened. A frame loop must not raise it
     /// once its buffers have grown to their size.
     pub fn created_resources(&self) -> u64 {
         self.created_resources.load(Ordering::Relaxed)

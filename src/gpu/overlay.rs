@@ -1,4 +1,4 @@
-//! What a window shows over its picture: triangles of egui, as the one pass `overlay`.
+//! Layer that a window shows over its picture: triangles of egui, as the one pass `overlay`.
 //!
 //! The pass copies the picture into an image of its own and draws over that, so the picture stays as it is: it can
 //! be read back, shown again under another overlay, and the overlay can be left out at no cost. Textures (the
@@ -83,7 +83,7 @@ pub struct WindowOverlay {
     inset: u32,
 }
 
-/// What is behind them: no part of the picture, and dark where nothing is drawn there, in the encoding of the screen.
+/// Color behind them: no part of the picture, and dark where nothing is drawn there, in the encoding of the screen.
 const BEHIND: [f32; 4] = [18.0 / 255.0, 20.0 / 255.0, 24.0 / 255.0, 1.0];
 /// First size of the mapped lists, bytes.
 const FIRST_BYTES: u64 = 1 << 18;
@@ -154,7 +154,7 @@ impl WindowOverlay {
         self
     }
 
-    /// What the next frames show: triangles in points of `pixels_per_point` pixels, and changes of textures since
+    /// Sets what the next frames show: triangles in points of `pixels_per_point` pixels, and changes of textures since
     /// the last call. Every change must be handed over, also when nothing is shown.
     pub fn set(
         &mut self,

@@ -12,12 +12,12 @@ use ash::vk;
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// What a pass finds in a target.
+/// Contents that a pass finds in a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TargetLoad {
     /// The given value everywhere (the first component for depth).
     Clear([f32; 4]),
-    /// What the pass before left.
+    /// Contents that the pass before left.
     Keep,
 }
 
@@ -61,7 +61,7 @@ impl PendingBarriers {
         );
     }
 
-    /// As [`image`](PendingBarriers::image), for an image that another owns.
+    /// Adds an image that another owns, as [`image`](PendingBarriers::image) does an own one.
     pub(super) fn handle(
         &mut self,
         image: vk::Image,
@@ -346,7 +346,7 @@ impl<'f> PassBuilder<'f> {
         self.barriers.declared = declared;
     }
 
-    /// As [`draw`](PassBuilder::draw), with a viewport that is the whole of the targets.
+    /// Draws as [`draw`](PassBuilder::draw) does, with a viewport that is the whole of the targets.
     ///
     /// # Panics
     /// As there.
@@ -423,7 +423,7 @@ impl DrawRecorder<'_> {
         self.bind_storage(pipeline, uniforms, images, &[]);
     }
 
-    /// As [`bind`](DrawRecorder::bind), with the storage buffers that the shaders read.
+    /// Binds the storage buffers that the shaders read, as [`bind`](DrawRecorder::bind) does everything.
     ///
     /// # Panics
     /// As there.
@@ -447,7 +447,7 @@ impl DrawRecorder<'_> {
         );
     }
 
-    /// Which triangles are dropped: those that show their back, where the front is counter-clockwise on the
+    /// Drops triangles that show their back, where the front is counter-clockwise on the
     /// picture (`mirrored`: clockwise).
     pub fn cull_back_faces(&mut self, cull: bool, mirrored: bool) {
         let mode = if cull {
@@ -517,7 +517,7 @@ impl DrawRecorder<'_> {
         }
     }
 
-    /// What is drawn from here on shows only inside of `x`, `y`, `width`, `height` in pixels of the target.
+    /// Limits what is drawn from here on to the inside of `x`, `y`, `width`, `height` in pixels of the target.
     pub fn scissor(&mut self, [x, y, width, height]: [u32; 4]) {
         let area = [vk::Rect2D {
             offset: vk::Offset2D {

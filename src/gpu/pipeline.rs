@@ -8,14 +8,14 @@ pub use attributes::{AttributeFormat, RecordAttribute, VertexRecord};
 
 use super::image::ImageFormat;
 use super::{Error, Gpu, RetiredResource};
-use crate::abi::{BindingKind, ConstantValue, Shader, Stage, constants};
+use crate::abi::{BindingKind, CompiledShader, ConstantValue, ShaderStage, constants};
 use ash::vk;
 use specialization::{SpecializedConstants, check_constants};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// What a pipeline draws.
+/// Primitives that a pipeline draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PrimitiveTopology {
     /// Separate triangles.
@@ -28,39 +28,39 @@ pub enum PrimitiveTopology {
     Fans,
 }
 
-/// What a graphics pipeline is made of.
+/// Parts that a graphics pipeline is made of.
 #[derive(Debug, Clone, Copy)]
 pub struct PipelineDescription<'a> {
     /// Name, as in captures.
     pub name: &'a str,
     /// Vertex shader.
-    pub vertex: &'a Shader,
+    pub vertex: &'a CompiledShader,
     /// Fragment shader; none for a pass that writes depth only.
-    pub fragment: Option<&'a Shader>,
+    pub fragment: Option<&'a CompiledShader>,
     /// Values of all specialization constants of both shaders but the frame's flags.
     pub constants: &'a [ConstantValue],
     /// Vertex record.
     pub record: VertexRecord,
-    /// What is drawn.
+    /// Primitives that are drawn.
     pub topology: PrimitiveTopology,
     /// Color targets in order of location.
     pub colors: &'a [ImageFormat],
-    /// What happens with the [`ImageFormat::Depth32`] target.
+    /// Use of the [`ImageFormat::Depth32`] target.
     pub depth: DepthMode,
     /// Add to the color targets instead of replacing.
     pub is_additive: bool,
 }
 
-/// What a pipeline does with depth (reversed: nearer is greater).
+/// Use that a pipeline makes of depth (reversed: nearer is greater).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthMode {
     /// There is no depth target.
     None,
     /// Nearer passes and is written; the first drawn wins a tie.
     Nearest,
-    /// What is not farther passes and is written; the last drawn wins a tie.
+    /// Fragments that are not farther pass and are written; the last drawn wins a tie.
     NotFarther,
-    /// What is not farther passes; nothing is written.
+    /// Fragments that are not farther pass; nothing is written.
     TestOnly,
 }
 
@@ -77,11 +77,11 @@ pub struct ShaderPipeline {
     name: String,
 }
 
-fn stage_flags(stage: Stage) -> vk::ShaderStageFlags {
+fn stage_flags(stage: ShaderStage) -> vk::ShaderStageFlags {
     match stage {
-        Stage::Vertex => vk::ShaderStageFlags::VERTEX,
-        Stage::Fragment => vk::ShaderStageFlags::FRAGMENT,
-        Stage::Compute => vk::ShaderStageFlags::COMPUTE,
+        ShaderStage::Vertex => vk::ShaderStageFlags::VERTEX,
+        ShaderStage::Fragment => vk::ShaderStageFlags::FRAGMENT,
+        ShaderStage::Compute => vk::ShaderStageFlags::COMPUTE,
     }
 }
 
@@ -101,7 +101,7 @@ struct ShaderModule<'a> {
 }
 
 impl<'a> ShaderModule<'a> {
-    fn new(gpu: &'a Gpu, shader: &Shader) -> Result<Self, Error> {
+    fn new(gpu: &'a Gpu, shader: &CompiledShader) -> Result<Self, Error> {
         let info = vk::ShaderModuleCreateInfo::default().code(shader.words);
         // SAFETY: the words are SPIR-V that the build compiled for Vulkan 1.3.
         let handle = unsafe { gpu.device.create_shader_module(&info, None) }
@@ -132,8 +132,8 @@ impl ShaderPipeline {
         Self::with(gpu, description, 0, false)
     }
 
-    /// As [`new`](ShaderPipeline::new), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone: shaders then
-    /// neither look at the flags of the frame nor branch on them.
+    /// Makes a pipeline as [`new`](ShaderPipeline::new) does, for frames whose [flags](crate::abi::FrameConstants::flags) are
+    /// these alone: shaders then neither look at the flags of the frame nor branch on them.
     ///
     /// # Errors
     /// As [`new`](ShaderPipeline::new).
@@ -145,7 +145,7 @@ impl ShaderPipeline {
         Self::with(gpu, description, flags | constants::FLAGS_ARE_KNOWN, false)
     }
 
-    /// As [`new`](ShaderPipeline::new), drawing over what is there by premultiplied alpha.
+    /// Makes a pipeline as [`new`](ShaderPipeline::new) does that draws over what is there by premultiplied alpha.
     #[cfg(feature = "viewer")]
     pub(super) fn over(
         gpu: &Arc<Gpu>,
@@ -184,20 +184,21 @@ impl ShaderPipeline {
     pub fn compute(
         gpu: &Arc<Gpu>,
         name: &str,
-        shader: &Shader,
+        shader: &CompiledShader,
         constants: &[ConstantValue],
     ) -> Result<Self, Error> {
         Self::compute_with(gpu, name, shader, (constants, 0))
     }
 
-    /// As [`compute`](ShaderPipeline::compute), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone.
+    /// Makes a pipeline as [`compute`](ShaderPipeline::compute) does, for frames whose
+    /// [flags](crate::abi::FrameConstants::flags) are these alone.
     ///
     /// # Errors
     /// As [`compute`](ShaderPipeline::compute).
     pub fn compute_for_flags(
         gpu: &Arc<Gpu>,
         name: &str,
-        shader: &Shader,
+        shader: &CompiledShader,
         values: &[ConstantValue],
         flags: u32,
     ) -> Result<Self, Error> {
@@ -208,7 +209,7 @@ impl ShaderPipeline {
     fn compute_with(
         gpu: &Arc<Gpu>,
         name: &str,
-        shader: &Shader,
+        shader: &CompiledShader,
         (constants, flags): (&[ConstantValue], u32),
     ) -> Result<Self, Error> {
         check_constants(name, &[shader], constants);
@@ -246,7 +247,7 @@ impl ShaderPipeline {
     fn with_layout<'s>(
         gpu: &Arc<Gpu>,
         name: &str,
-        shaders: impl Iterator<Item = &'s Shader>,
+        shaders: impl Iterator<Item = &'s CompiledShader>,
     ) -> Result<Self, Error> {
         // Union of the bindings of all stages.
         let mut bindings: Vec<(u32, BindingKind, vk::ShaderStageFlags)> = Vec::new();
@@ -323,7 +324,7 @@ fn compile(
         .fragment
         .map(|f| ShaderModule::new(gpu, f))
         .transpose()?;
-    let shaders: Vec<&Shader> = std::iter::once(description.vertex)
+    let shaders: Vec<&CompiledShader> = std::iter::once(description.vertex)
         .chain(description.fragment)
         .collect();
     check_constants(name, &shaders, description.constants);
@@ -469,7 +470,7 @@ const CACHE_MAGIC: &[u8; 8] = b"SURFPC01";
 /// A cache larger than this is not ours.
 const CACHE_LIMIT: u64 = 64 << 20;
 
-/// Where the cache of this device lives: one file per device and driver.
+/// Path of the cache of this device: one file per device and driver.
 fn cache_path(gpu: &Gpu) -> Option<PathBuf> {
     let folder = match std::env::var_os("SURFEL_CACHE") {
         Some(folder) if !folder.is_empty() => PathBuf::from(folder),

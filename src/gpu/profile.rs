@@ -23,18 +23,18 @@ pub struct SelfTestRow {
     pub name: &'static str,
     /// Median of its timestamps in one submission together with the others, milliseconds.
     pub together_ms: f64,
-    /// Median of the host clock around a submission of its own, less that of an empty one, milliseconds.
+    /// Median of the processor's clock around a submission of its own, less that of an empty one, milliseconds.
     pub alone_ms: f64,
 }
 
-/// Whether the pass times of a device can be believed.
+/// Proof that the pass times of a device can be believed, or not.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct SelfTest {
     /// Each pass; empty when the device has no timestamps.
     pub rows: Vec<SelfTestRow>,
-    /// Median host clock of the submission with all passes, milliseconds.
+    /// Median of the processor's clock over the submission with all passes, milliseconds.
     pub host_ms: f64,
-    /// An empty submission on the host clock, milliseconds: what every frame costs.
+    /// An empty submission on the processor's clock, milliseconds: what every frame costs.
     pub empty_ms: f64,
     /// Median of the frame with all passes on the device's clock, first command to last, milliseconds.
     pub device_ms: f64,
@@ -44,7 +44,7 @@ pub struct SelfTest {
 
 impl SelfTest {
     /// Share by which a pass alone may differ from the same pass among others. Wide, because a busy machine
-    /// shifts the host clock; work booked to the wrong pass shows as a factor of two and more.
+    /// shifts the processor's clock; work booked to the wrong pass shows as a factor of two and more.
     pub const TOLERANCE: f64 = 0.35;
 
     /// Sum of the passes over the device time of their frame; `None` without timestamps.
@@ -63,13 +63,13 @@ impl std::fmt::Display for SelfTest {
             );
         }
         let verdict = if self.agrees {
-            "pass times agree with the host clock"
+            "pass times agree with the processor's clock"
         } else {
-            "PASS TIMES DO NOT AGREE with the host clock: compare frames, not passes"
+            "PASS TIMES DO NOT AGREE with the processor's clock: compare frames, not passes"
         };
         write!(
             f,
-            "   self-test: {verdict} (all passes {:.2} ms on the host clock, empty frame {:.3} ms)",
+            "   self-test: {verdict} (all passes {:.2} ms on the processor's clock, empty frame {:.3} ms)",
             self.host_ms, self.empty_ms
         )?;
         for row in &self.rows {
@@ -210,7 +210,7 @@ impl ProfileStand {
 }
 
 /// Runs three passes of different kind on the same target, in one submission and in one each, and compares
-/// timestamps with the host clock. Takes well under a second.
+/// timestamps with the processor's clock. Takes well under a second.
 ///
 /// # Errors
 /// When memory runs out or the device is lost.
@@ -300,20 +300,20 @@ fn splat(u: f32, v: f32, z: f32) -> Splat {
 pub struct CounterRow {
     /// Name of the counter: `samples` or one of [`PipelineStatistics::named`].
     pub name: &'static str,
-    /// What the draws of [`counter_test`] come to, one after the other.
+    /// Counts that the draws of [`counter_test`] come to, one after the other.
     pub expected: [u64; 3],
-    /// What the device counted; `None` where it has no such counter.
+    /// Counts of the device; `None` where it has no such counter.
     pub counted: Option<[u64; 3]>,
 }
 
 impl CounterRow {
-    /// Whether the device counts this exactly.
+    /// Tells whether the device counts this exactly.
     pub fn is_exact(&self) -> bool {
         self.counted == Some(self.expected)
     }
 }
 
-/// Which counters of a device can be believed.
+/// Proof of which counters of a device can be believed.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct CounterTest {
     /// Each counter.
@@ -321,7 +321,7 @@ pub struct CounterTest {
 }
 
 impl CounterTest {
-    /// Whether the counter of this name is exact on the device.
+    /// Tells whether the counter of this name is exact on the device.
     pub fn is_exact(&self, name: &str) -> bool {
         self.rows.iter().any(|r| r.name == name && r.is_exact())
     }

@@ -1,4 +1,4 @@
-//! What a frame reports besides its picture: timestamps and counters, and the query pools that hold them.
+//! Reports of a frame besides its picture: timestamps and counters, and the query pools that hold them.
 //!
 //! Timestamps stand outside of rendering, around each pass. Counters begin and end inside of the rendering scope of
 //! the pass that they count, in the same subpass as Vulkan demands; copies have none.
@@ -19,7 +19,7 @@ pub struct PassTime {
     pub ms: f64,
 }
 
-/// What the frames recorded from now on report.
+/// Choice of what the frames recorded from now on report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameMeasure {
     /// Times of the passes: two timestamps with a full barrier each.
@@ -30,7 +30,7 @@ pub struct FrameMeasure {
     pub counters: bool,
 }
 
-/// Where the passes of a frame lie on the device's clock.
+/// Times of the passes of a frame on the device's clock.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DeviceTimes {
     /// From the first command of the frame to the end of the last, milliseconds; `None` unless
@@ -42,7 +42,7 @@ pub struct DeviceTimes {
     pub starts_ms: Vec<f64>,
 }
 
-/// What the stages of the pipeline did in one pass (`VkQueryPipelineStatisticFlagBits`).
+/// Counts of the stages of the pipeline in one pass (`VkQueryPipelineStatisticFlagBits`).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
 pub struct PipelineStatistics {
     /// Vertices fetched.
@@ -82,7 +82,7 @@ impl PipelineStatistics {
     }
 }
 
-/// What one pass counted.
+/// Counts of one pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PassCounters {
     /// Name of the pass.
@@ -106,7 +106,7 @@ pub(super) struct SlotQueries {
     timestamps: vk::QueryPool,
     samples: vk::QueryPool,
     pipeline: vk::QueryPool,
-    /// As of the frame being recorded.
+    /// Choice for the frame being recorded.
     pub(super) measure: FrameMeasure,
     timed: Vec<&'static str>,
     counted: Vec<PassCounters>,
@@ -263,7 +263,7 @@ impl SlotQueries {
         Some(counting)
     }
 
-    /// What the finished frame of this slot reported.
+    /// Reads what the finished frame of this slot reported.
     pub(super) fn read(&mut self, gpu: &Gpu) -> Result<QueryReport, Error> {
         let mut report = QueryReport::default();
         let mut ticks = [0u64; 2 * MAX_PASSES as usize];
@@ -347,7 +347,7 @@ fn results<T: bytemuck::Pod>(
     .map_err(Error::vulkan("vkGetQueryPoolResults", "a frame"))
 }
 
-/// What a finished frame reported.
+/// Report of a finished frame.
 #[derive(Debug, Default)]
 pub(super) struct QueryReport {
     pub(super) passes: Vec<PassTime>,

@@ -17,7 +17,7 @@ pub(super) struct FrameSlot {
     pub(super) submit_time: Option<Instant>,
 }
 
-/// Where a uniform block was put.
+/// Place that a uniform block was put at.
 #[derive(Debug, Clone, Copy)]
 pub struct UniformBlock {
     pub(super) offset: u64,

@@ -124,7 +124,7 @@ impl WindowSurface {
         Ok(surface)
     }
 
-    /// How frames reach the screen: `fifo`, `mailbox` or `immediate`.
+    /// Way in which frames reach the screen: `fifo`, `mailbox` or `immediate`.
     pub fn present_mode(&self) -> &'static str {
         match self.mode {
             vk::PresentModeKHR::MAILBOX => "mailbox",
@@ -133,7 +133,7 @@ impl WindowSurface {
         }
     }
 
-    /// How often a swapchain was made.
+    /// Number of times that a swapchain was made.
     pub fn rebuilt(&self) -> u64 {
         self.rebuilt
     }

@@ -12,14 +12,14 @@ const UNITS: f64 = (1u64 << 24) as f64;
 /// The sums are integers in units of 2^-24 of a level of 255, so the order of the pictures does not matter, and bytes are
 /// summed exactly.
 #[derive(Debug, Clone, Default)]
-pub struct Accumulator {
+pub struct PictureAccumulator {
     width: u32,
     height: u32,
     sum: Vec<[u64; 4]>,
     count: u32,
 }
 
-impl Accumulator {
+impl PictureAccumulator {
     /// An accumulator without pictures; the first one decides the size.
     pub fn new() -> Self {
         Self::default()
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn the_mean_is_exact_and_sizes_are_checked() {
-        let mut sum = Accumulator::new();
+        let mut sum = PictureAccumulator::new();
         assert_eq!(sum.mean(), FloatImage::default());
         sum.add(&Image::filled(2, 1, [255, 0, 10, 255])).unwrap();
         sum.add(&Image::filled(2, 1, [0, 0, 20, 0])).unwrap();
@@ -323,7 +323,7 @@ mod tests {
             ..Image::filled(1, 1, [1, 1, 0, 255])
         };
         let level = |l: f64| (l / 255.0) as f32;
-        let mut sum = Accumulator::new();
+        let mut sum = PictureAccumulator::new();
         sum.add(&of([level(80.7), level(0.1), -3.0, f32::NAN]))
             .unwrap();
         sum.add(&of([level(80.9), level(0.3), 7.0, 1.0])).unwrap();
@@ -331,7 +331,7 @@ mod tests {
         assert!((r - 80.8).abs() < 1e-5 && (g - 0.2).abs() < 1e-5, "{r} {g}");
         assert_eq!([b, a], [127.5; 2]);
         // In the other order to the bit.
-        let mut other = Accumulator::new();
+        let mut other = PictureAccumulator::new();
         other.add(&of([level(80.9), level(0.3), 7.0, 1.0])).unwrap();
         other
             .add(&of([level(80.7), level(0.1), -3.0, f32::NAN]))

@@ -12,7 +12,7 @@ use std::path::Path;
 /// A channel of a picture file: red, alpha, depth, whatever it is called.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PictureChannel {
-    /// Its name; with the name of its layer and a dot before it where that is not the first.
+    /// Name of the channel; with the name of its layer and a dot before it where that is not the first.
     pub name: String,
     /// Width in pixels.
     pub width: usize,
@@ -45,7 +45,7 @@ impl PictureChannels {
         self.channels.iter().find(|channel| channel.name == name)
     }
 
-    /// Whether there is red, green or blue.
+    /// Tells whether there is red, green or blue.
     pub fn has_colors(&self) -> bool {
         ["R", "G", "B"].iter().any(|name| self.find(name).is_some())
     }
@@ -159,7 +159,7 @@ pub struct ChannelComparison {
 }
 
 impl ChannelComparison {
-    /// Whether everything in both files was compared and is equal.
+    /// Tells whether everything in both files was compared and is equal.
     pub fn is_equal(&self) -> bool {
         self.not_compared.is_empty() && self.channels.iter().all(|channel| channel.differing == 0)
     }

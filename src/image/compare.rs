@@ -10,11 +10,11 @@
 //!
 //! Values that are not finite differ by 0 from the same value and infinitely from any other.
 
-use super::{Error, Image, Picture, unorm8};
+use super::{Error, Image, PixelSource, unorm8};
 
 /// Color error over a set of pixels. Formulas are in the text of the source file.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Figures {
+pub struct ColorError {
     /// Pixels looked at.
     pub pixels: u64,
     /// Root of the mean squared difference, values of 0..=1; 0 when no pixel was looked at.
@@ -25,18 +25,18 @@ pub struct Figures {
     pub max_level: f64,
     /// Mean absolute difference, values of 0..=1.
     pub mean_abs: f64,
-    /// Pixels in which a channel differs by more than [`Difference::level`] levels.
+    /// Pixels in which a channel differs by more than [`PictureDifference::level`] levels.
     pub past_level: u64,
 }
 
 /// How a picture differs from its reference.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Difference {
+pub struct PictureDifference {
     /// Color error over all pixels.
-    pub whole: Figures,
+    pub whole: ColorError,
     /// Color error over object pixels: those covered at all (fraction above 0) in either picture.
-    pub object: Figures,
-    /// The level that [`Figures::past_level`] counts against.
+    pub object: ColorError,
+    /// The level that [`ColorError::past_level`] counts against.
     pub level: f64,
     /// Pixels at least half covered in the reference and less than half in the other.
     pub missing: u64,
@@ -54,8 +54,8 @@ pub struct Difference {
     pub coverage_abs: f64,
 }
 
-impl Difference {
-    /// Whether colors and coverage are exactly equal.
+impl PictureDifference {
+    /// Tells whether colors and coverage are exactly equal.
     pub fn is_zero(&self) -> bool {
         self.whole.max_level == 0.0 && self.coverage_abs == 0.0
     }
@@ -74,19 +74,19 @@ fn difference(a: f64, b: f64) -> f64 {
     }
 }
 
-/// Compares `other` with `reference`; `level` is in levels of 255 ([`Figures::past_level`]).
+/// Compares `other` with `reference`; `level` is in levels of 255 ([`ColorError::past_level`]).
 ///
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
 pub fn compare(
-    reference: &impl Picture,
-    other: &impl Picture,
+    reference: &impl PixelSource,
+    other: &impl PixelSource,
     level: f64,
-) -> Result<Difference, Error> {
+) -> Result<PictureDifference, Error> {
     let [width, height] = same_size(reference, other)?;
     let pixels = width as usize * height as usize;
-    let mut whole = Sums::default();
-    let mut object = Sums::default();
+    let mut whole = PixelSums::default();
+    let mut object = PixelSums::default();
     let (mut missing, mut extra, mut both) = (0, 0, 0);
     let mut coverage_abs = 0.0;
     let mut is_inside = vec![false; pixels];
@@ -106,13 +106,13 @@ pub fn compare(
         is_inside[i] = in_reference;
         is_missing[i] = in_reference && !in_other;
     }
-    let grid = Grid { width, height };
+    let grid = TileGrid { width, height };
     let mut is_hole: Vec<bool> = (0..pixels)
         .map(|i| is_missing[i] && grid.neighbors(i).all(|n| is_inside[n]))
         .collect();
     let hole_pixels = is_hole.iter().filter(|h| **h).count() as u64;
     let either = both + missing + extra;
-    Ok(Difference {
+    Ok(PictureDifference {
         whole: whole.figures(),
         object: object.figures(),
         level,
@@ -134,8 +134,8 @@ pub fn compare(
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
 pub fn difference_picture(
-    reference: &impl Picture,
-    other: &impl Picture,
+    reference: &impl PixelSource,
+    other: &impl PixelSource,
     gain: f64,
 ) -> Result<Image, Error> {
     let [width, height] = same_size(reference, other)?;
@@ -148,7 +148,7 @@ pub fn difference_picture(
     Ok(image)
 }
 
-fn same_size(first: &impl Picture, second: &impl Picture) -> Result<[u32; 2], Error> {
+fn same_size(first: &impl PixelSource, second: &impl PixelSource) -> Result<[u32; 2], Error> {
     let (first, second) = (first.size(), second.size());
     if first == second {
         Ok(first)
@@ -158,7 +158,7 @@ fn same_size(first: &impl Picture, second: &impl Picture) -> Result<[u32; 2], Er
 }
 
 #[derive(Default)]
-struct Sums {
+struct PixelSums {
     pixels: u64,
     squares: f64,
     absolute: f64,
@@ -166,7 +166,7 @@ struct Sums {
     past_level: u64,
 }
 
-impl Sums {
+impl PixelSums {
     fn add(&mut self, d: [f64; 3], level: f64) {
         self.pixels += 1;
         let mut largest: f64 = 0.0;
@@ -179,10 +179,10 @@ impl Sums {
         self.past_level += u64::from(255.0 * largest > level + LEVEL_SLACK);
     }
 
-    fn figures(&self) -> Figures {
+    fn figures(&self) -> ColorError {
         let n = 3.0 * self.pixels.max(1) as f64;
         let rmse = (self.squares / n).sqrt();
-        Figures {
+        ColorError {
             pixels: self.pixels,
             rmse,
             psnr_db: -20.0 * rmse.log10(),
@@ -193,12 +193,12 @@ impl Sums {
     }
 }
 
-struct Grid {
+struct TileGrid {
     width: u32,
     height: u32,
 }
 
-impl Grid {
+impl TileGrid {
     /// The up to eight pixels around pixel `i`.
     fn neighbors(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
         let (w, h) = (self.width as usize, self.height as usize);

@@ -34,7 +34,7 @@ pub struct MarkChoice {
 /// A straight line of a mark.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarkLine {
-    /// Its ends, pixels from the upper left corner.
+    /// Ends of the line, pixels from the upper left corner.
     pub ends: [[f32; 2]; 2],
     /// Red, green and blue.
     pub color: [u8; 3],
@@ -43,7 +43,7 @@ pub struct MarkLine {
 /// A word of a mark.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarkText {
-    /// Its middle, pixels from the upper left corner.
+    /// Middle of the text, pixels from the upper left corner.
     pub middle: [f32; 2],
     /// What it says.
     pub text: String,
@@ -113,7 +113,7 @@ impl BarLength {
 }
 
 impl PictureMarks {
-    /// Those of a view. The bar has its length where a point of the world, relative to model space, lies.
+    /// Marks of a view. The bar has its length where a point of the world, relative to model space, lies.
     pub fn new(view: &View, choice: MarkChoice, center: Vec3, unit: Option<&str>) -> Self {
         let size = (view.width.min(view.height) / USUAL_SIDE_PX).max(1);
         let mut marks = Self {

@@ -2,7 +2,7 @@
 //!
 //! [`Image`] is what a method draws, one sample a pixel in the eight bits of the target, and where it is to be averaged
 //! as floats besides ([`Image::values`]). [`FloatImage`] is what
-//! averaging and files give. Both are [`Picture`]s, which is all that [`compare()`] asks for.
+//! averaging and files give. Both are [`PixelSource`]s, which is all that [`compare()`] asks for.
 
 mod accumulate;
 mod channels;
@@ -14,13 +14,13 @@ mod read;
 mod sheet;
 
 pub use accumulate::{
-    Accumulator, EVEN_SAMPLES, evenly, evenly_by_fours, jittered, mean_difference, shifted,
+    EVEN_SAMPLES, PictureAccumulator, evenly, evenly_by_fours, jittered, mean_difference, shifted,
     stratified,
 };
 pub use channels::{
     ChannelComparison, ChannelDifference, PictureChannel, PictureChannels, compare_channels,
 };
-pub use compare::{Difference, Figures, compare, difference_picture};
+pub use compare::{ColorError, PictureDifference, compare, difference_picture};
 pub(crate) use file::write;
 pub use lines::MarkedLines;
 pub use marks::{BarLength, MarkChoice, MarkLine, MarkText, PictureMarks};
@@ -82,7 +82,7 @@ pub struct Image {
     pub depth: Vec<f32>,
     /// World-space unit normal at each pixel (zero where nothing is); empty unless asked for.
     pub normal: Vec<[f32; 3]>,
-    /// What [`Image::color`] is rounded from, 0..=1; empty unless asked for, and then [`Picture::value`] gives it.
+    /// What [`Image::color`] is rounded from, 0..=1; empty unless asked for, and then [`PixelSource::value`] gives it.
     pub values: Vec<[f32; 4]>,
 }
 
@@ -103,14 +103,14 @@ pub struct FloatImage {
 }
 
 /// Anything with a size and RGBA values where 1 is white and fully covered.
-pub trait Picture {
+pub trait PixelSource {
     /// Width and height in pixels.
     fn size(&self) -> [u32; 2];
     /// Red, green, blue and covered fraction of pixel `index`, row by row from the top left.
     fn value(&self, index: usize) -> [f64; 4];
 }
 
-impl Picture for Image {
+impl PixelSource for Image {
     fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }
@@ -123,7 +123,7 @@ impl Picture for Image {
     }
 }
 
-impl Picture for FloatImage {
+impl PixelSource for FloatImage {
     fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }

@@ -62,9 +62,9 @@ pub fn contact_sheet(pictures: &[(String, Image)], columns: usize) -> Image {
             (bottom + LABEL_GAP) as i32,
         );
         let style = MonoTextStyle::new(FONT, LABEL_COLOR);
-        // Drawing into memory has no error to give (`Canvas::Error` has no values).
+        // Drawing into memory has no error to give (`TextCanvas::Error` has no values).
         let Ok(_) =
-            Text::with_baseline(&shown, at, style, Baseline::Top).draw(&mut Canvas(&mut sheet));
+            Text::with_baseline(&shown, at, style, Baseline::Top).draw(&mut TextCanvas(&mut sheet));
     }
     sheet
 }
@@ -73,8 +73,8 @@ pub fn contact_sheet(pictures: &[(String, Image)], columns: usize) -> Image {
 pub(super) fn draw_text(image: &mut Image, text: &str, [x, y]: [i32; 2], color: Rgb888) {
     let style = MonoTextStyle::new(FONT, color);
     let at = Point::new(x, y);
-    // Drawing into memory has no error to give (`Canvas::Error` has no values).
-    let Ok(_) = Text::with_baseline(text, at, style, Baseline::Top).draw(&mut Canvas(image));
+    // Drawing into memory has no error to give (`TextCanvas::Error` has no values).
+    let Ok(_) = Text::with_baseline(text, at, style, Baseline::Top).draw(&mut TextCanvas(image));
 }
 
 fn opaque(color: Rgb888) -> [u8; 4] {
@@ -109,15 +109,15 @@ fn paste(sheet: &mut Image, picture: &Image, left: u32, top: u32) {
 }
 
 /// Lets text be drawn on a picture; what falls outside is left out.
-struct Canvas<'a>(&'a mut Image);
+struct TextCanvas<'a>(&'a mut Image);
 
-impl OriginDimensions for Canvas<'_> {
+impl OriginDimensions for TextCanvas<'_> {
     fn size(&self) -> Size {
         Size::new(self.0.width, self.0.height)
     }
 }
 
-impl DrawTarget for Canvas<'_> {
+impl DrawTarget for TextCanvas<'_> {
     type Color = Rgb888;
     type Error = std::convert::Infallible;
 

@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::job::Job;
+use super::job::ReadJob;
 use super::polygon::PolygonRuns;
 use super::textures::RawTextures;
-use super::{Counts, Error, Warning};
+use super::{Error, FileCounts, ReadWarning};
 use crate::mesh::attributes::{CoordinateGrid, PointAttributes};
 use crate::mesh::{self, Mesh};
 
@@ -18,7 +18,7 @@ const PIECE: usize = 1 << 16;
 /// Positions in the precision of the file: single stays single and whole steps stay whole (half the memory), all else is
 /// double.
 #[derive(Debug, Clone)]
-pub(super) enum Coordinates {
+pub(super) enum FileCoordinates {
     Single(Vec<Vec3>),
     Double(Vec<DVec3>),
     /// Whole numbers of a file's own step: `offset + scale * step`, in double precision.
@@ -41,12 +41,12 @@ impl StepGrid {
     }
 }
 
-impl Coordinates {
+impl FileCoordinates {
     pub(super) fn len(&self) -> usize {
         match self {
-            Coordinates::Single(positions) => positions.len(),
-            Coordinates::Double(positions) => positions.len(),
-            Coordinates::Steps(grid) => grid.steps.len(),
+            FileCoordinates::Single(positions) => positions.len(),
+            FileCoordinates::Double(positions) => positions.len(),
+            FileCoordinates::Steps(grid) => grid.steps.len(),
         }
     }
 }
@@ -58,19 +58,19 @@ const SMALLEST: f64 = 1e-17;
 /// Vertices further off than this many sizes of the model are left out where the extent is over the largest.
 pub(super) const ABSURD: f64 = 1e12;
 
-impl Coordinates {
+impl FileCoordinates {
     fn at(&self, index: usize) -> DVec3 {
         match self {
-            Coordinates::Single(positions) => positions[index].as_dvec3(),
-            Coordinates::Double(positions) => positions[index],
-            Coordinates::Steps(grid) => grid.place(grid.steps[index]),
+            FileCoordinates::Single(positions) => positions[index].as_dvec3(),
+            FileCoordinates::Double(positions) => positions[index],
+            FileCoordinates::Steps(grid) => grid.place(grid.steps[index]),
         }
     }
 
     /// The grid on which the file has them.
     fn grid(&self) -> Option<CoordinateGrid> {
         match self {
-            Coordinates::Steps(grid) => Some(CoordinateGrid {
+            FileCoordinates::Steps(grid) => Some(CoordinateGrid {
                 step: grid.scale,
                 offset: grid.offset,
             })
@@ -82,13 +82,13 @@ impl Coordinates {
     /// Makes a position one that is dropped.
     fn forget(&mut self, index: usize) {
         match self {
-            Coordinates::Single(positions) => positions[index] = Vec3::NAN,
-            Coordinates::Double(positions) => positions[index] = DVec3::NAN,
-            Coordinates::Steps(grid) => {
+            FileCoordinates::Single(positions) => positions[index] = Vec3::NAN,
+            FileCoordinates::Double(positions) => positions[index] = DVec3::NAN,
+            FileCoordinates::Steps(grid) => {
                 let mut positions: Vec<DVec3> =
                     grid.steps.iter().map(|&steps| grid.place(steps)).collect();
                 positions[index] = DVec3::NAN;
-                *self = Coordinates::Double(positions);
+                *self = FileCoordinates::Double(positions);
             }
         }
     }
@@ -96,13 +96,13 @@ impl Coordinates {
     /// Multiplies all positions.
     fn scale(&mut self, factor: f64) {
         match self {
-            Coordinates::Single(positions) => positions
+            FileCoordinates::Single(positions) => positions
                 .par_iter_mut()
                 .for_each(|point| *point = (point.as_dvec3() * factor).as_vec3()),
-            Coordinates::Double(positions) => {
+            FileCoordinates::Double(positions) => {
                 positions.par_iter_mut().for_each(|point| *point *= factor);
             }
-            Coordinates::Steps(grid) => {
+            FileCoordinates::Steps(grid) => {
                 grid.scale *= factor;
                 grid.offset *= factor;
             }
@@ -113,8 +113,8 @@ impl Coordinates {
 /// What a reader found. `normals` and `colors` have the length of `coordinates` or are empty; the indices of
 /// `triangles` are in range.
 #[derive(Debug, Clone)]
-pub(super) struct Raw {
-    pub(super) coordinates: Coordinates,
+pub(super) struct RawMesh {
+    pub(super) coordinates: FileCoordinates,
     pub(super) normals: Vec<Vec3>,
     /// How many of `normals` are zero because the file gives that vertex none, which is no reason to warn.
     pub(super) absent_normals: u64,
@@ -122,12 +122,12 @@ pub(super) struct Raw {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Which triangles are faces of more than three corners.
     pub(super) polygons: PolygonRuns,
-    pub(super) counts: Counts,
+    pub(super) counts: FileCounts,
     /// Which images triangles have, and where.
     pub(super) textures: Option<RawTextures>,
 }
 
-impl Raw {
+impl RawMesh {
     /// Gives every triangle its color: vertices between two colors are doubled, the further ones follow at the end.
     /// Triangles of one color only give none: white is what they would be.
     pub(super) fn color_faces(&mut self, colors: &[[u8; 4]]) {
@@ -161,9 +161,9 @@ impl Raw {
             }
         }
         match &mut self.coordinates {
-            Coordinates::Single(positions) => repeat(positions, &sources),
-            Coordinates::Double(positions) => repeat(positions, &sources),
-            Coordinates::Steps(grid) => repeat(&mut grid.steps, &sources),
+            FileCoordinates::Single(positions) => repeat(positions, &sources),
+            FileCoordinates::Double(positions) => repeat(positions, &sources),
+            FileCoordinates::Steps(grid) => repeat(&mut grid.steps, &sources),
         }
         repeat(&mut self.normals, &sources);
         self.colors = of_vertex
@@ -175,21 +175,21 @@ impl Raw {
 
 /// The box of all points that single precision can hold, and how far single precision would move them.
 #[derive(Debug, Clone, Copy)]
-struct Bounds {
+struct PointBounds {
     min: DVec3,
     max: DVec3,
     /// Largest difference of a coordinate to its nearest single-precision value.
     rounding: f64,
 }
 
-impl Bounds {
-    const EMPTY: Bounds = Bounds {
+impl PointBounds {
+    const EMPTY: PointBounds = PointBounds {
         min: DVec3::splat(f64::INFINITY),
         max: DVec3::splat(f64::NEG_INFINITY),
         rounding: 0.0,
     };
 
-    fn with(mut self, point: DVec3) -> Bounds {
+    fn with(mut self, point: DVec3) -> PointBounds {
         if point.abs().cmple(DVec3::splat(f64::from(f32::MAX))).all() {
             self.min = self.min.min(point);
             self.max = self.max.max(point);
@@ -200,24 +200,24 @@ impl Bounds {
         self
     }
 
-    fn merge(self, other: Bounds) -> Bounds {
-        Bounds {
+    fn merge(self, other: PointBounds) -> PointBounds {
+        PointBounds {
             min: self.min.min(other.min),
             max: self.max.max(other.max),
             rounding: self.rounding.max(other.rounding),
         }
     }
 
-    fn of<T: Copy + Sync>(points: &[T], double: impl Fn(T) -> DVec3 + Sync) -> Bounds {
+    fn of<T: Copy + Sync>(points: &[T], double: impl Fn(T) -> DVec3 + Sync) -> PointBounds {
         // Minimum and maximum are exact, so the result does not depend on how the pieces are joined.
         points
             .par_chunks(PIECE)
             .map(|piece| {
-                piece
-                    .iter()
-                    .fold(Bounds::EMPTY, |bounds, &point| bounds.with(double(point)))
+                piece.iter().fold(PointBounds::EMPTY, |bounds, &point| {
+                    bounds.with(double(point))
+                })
             })
-            .reduce(|| Bounds::EMPTY, Bounds::merge)
+            .reduce(|| PointBounds::EMPTY, PointBounds::merge)
     }
 
     /// The power of two that brings the extent to about 1, as an exponent; 0 when it is within what squares of single
@@ -231,8 +231,8 @@ impl Bounds {
         -(extent.log2().floor() as i32)
     }
 
-    fn scaled(self, factor: f64) -> Bounds {
-        Bounds {
+    fn scaled(self, factor: f64) -> PointBounds {
+        PointBounds {
             min: self.min * factor,
             max: self.max * factor,
             rounding: self.rounding * factor,
@@ -240,7 +240,11 @@ impl Bounds {
     }
 
     /// Where a few vertices make the extent absurd, the bounds of the others; the few become not finite, `far` of them.
-    fn without_strays(&self, coordinates: &mut Coordinates, far: &mut u64) -> Option<Bounds> {
+    fn without_strays(
+        &self,
+        coordinates: &mut FileCoordinates,
+        far: &mut u64,
+    ) -> Option<PointBounds> {
         if (self.max - self.min).max_element() <= LARGEST {
             return None;
         }
@@ -266,7 +270,7 @@ impl Bounds {
             return None;
         }
         let is_far = |point: DVec3| point.distance(middle) > 0.5 * ABSURD * size;
-        let mut near = Bounds::EMPTY;
+        let mut near = PointBounds::EMPTY;
         for index in 0..coordinates.len() {
             let point = coordinates.at(index);
             if point.is_finite() && is_far(point) {
@@ -286,7 +290,7 @@ impl Bounds {
 }
 
 /// Makes the mesh: cuts its faces into triangles, chooses the origin, drops what is not finite, normalizes the normals.
-pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
+pub(super) fn finish(job: &mut ReadJob<'_>, mut raw: RawMesh) -> Result<Mesh, Error> {
     let vertices = raw.coordinates.len() as u64;
     if vertices == 0 {
         return Err(job.empty("the file has no vertices"));
@@ -301,13 +305,13 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     let before = raw.textures.as_ref().map(|_| raw.triangles.clone());
     let triangles = &mut raw.triangles;
     match &raw.coordinates {
-        Coordinates::Single(points) => raw
+        FileCoordinates::Single(points) => raw
             .polygons
             .cut(job, triangles, |corner| points[corner as usize].as_dvec3()),
-        Coordinates::Double(points) => raw
+        FileCoordinates::Double(points) => raw
             .polygons
             .cut(job, triangles, |corner| points[corner as usize]),
-        Coordinates::Steps(grid) => raw.polygons.cut(job, triangles, |corner| {
+        FileCoordinates::Steps(grid) => raw.polygons.cut(job, triangles, |corner| {
             grid.place(grid.steps[corner as usize])
         }),
     }?;
@@ -316,14 +320,14 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     }
 
     let bounds = match &raw.coordinates {
-        Coordinates::Single(positions) => Bounds::of(positions, |point| point.as_dvec3()),
-        Coordinates::Double(positions) => Bounds::of(positions, |point| point),
-        Coordinates::Steps(grid) => Bounds::of(&grid.steps, |steps| grid.place(steps)),
+        FileCoordinates::Single(positions) => PointBounds::of(positions, |point| point.as_dvec3()),
+        FileCoordinates::Double(positions) => PointBounds::of(positions, |point| point),
+        FileCoordinates::Steps(grid) => PointBounds::of(&grid.steps, |steps| grid.place(steps)),
     };
     let mut far = 0;
     let bounds = match bounds.without_strays(&mut raw.coordinates, &mut far) {
         Some(near) => {
-            job.warn_count(far, |vertices| Warning::FarOffDropped { vertices });
+            job.warn_count(far, |vertices| ReadWarning::FarOffDropped { vertices });
             near
         }
         None => bounds,
@@ -331,13 +335,13 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     let exponent = bounds.exponent();
     if exponent != 0 {
         raw.coordinates.scale(f64::from(exponent).exp2());
-        job.warn(Warning::Scaled { exponent });
+        job.warn(ReadWarning::Scaled { exponent });
     }
     let bounds = bounds.scaled(f64::from(exponent).exp2());
     let origin = bounds.origin();
     job.attributes.grid = raw.coordinates.grid();
     let positions = match raw.coordinates {
-        Coordinates::Single(mut positions) => {
+        FileCoordinates::Single(mut positions) => {
             if origin != DVec3::ZERO {
                 positions
                     .par_iter_mut()
@@ -345,12 +349,12 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
             }
             positions
         }
-        Coordinates::Double(positions) => positions
+        FileCoordinates::Double(positions) => positions
             .par_iter()
             .with_min_len(PIECE)
             .map(|&point| (point - origin).as_vec3())
             .collect(),
-        Coordinates::Steps(grid) => grid
+        FileCoordinates::Steps(grid) => grid
             .steps
             .par_iter()
             .with_min_len(PIECE)
@@ -358,7 +362,7 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
             .collect(),
     };
     if origin != DVec3::ZERO {
-        job.warn(Warning::OriginMoved { origin });
+        job.warn(ReadWarning::OriginMoved { origin });
     }
 
     let mut mesh = Mesh {
@@ -379,7 +383,7 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     }
     let triangles = (before - mesh.triangles.len()) as u64;
     job.warn_count(dropped.saturating_sub(far), |vertices| {
-        Warning::NotFiniteDropped {
+        ReadWarning::NotFiniteDropped {
             vertices,
             triangles,
         }
@@ -391,7 +395,7 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
         mesh.normals = Vec::new();
     }
     job.warn_count(unknown.saturating_sub(raw.absent_normals), |count| {
-        Warning::NormalsUnknown { count }
+        ReadWarning::NormalsUnknown { count }
     });
     if let Some(textures) = raw.textures {
         textures.join(job, &mut mesh)?;
@@ -476,8 +480,8 @@ pub(super) fn normalize(normals: &mut [Vec3]) -> u64 {
 mod tests {
     use super::*;
 
-    fn bounds(points: &[DVec3]) -> Bounds {
-        Bounds::of(points, |point| point)
+    fn bounds(points: &[DVec3]) -> PointBounds {
+        PointBounds::of(points, |point| point)
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! Floats mean 0 to 1 until one is above it, integers 0 to 255; then comes the next range, 0 to 255 or 0 to 65535. What
 //! was read before is converted: it was small.
 
-use super::Warning;
+use super::ReadWarning;
 
 /// The ranges that writers use, by their largest value.
 const RANGES: [f64; 4] = [1.0, 255.0, 65535.0, 4_294_967_295.0];
@@ -156,14 +156,14 @@ impl ColorSink {
     }
 
     /// The remark about a range that the type does not tell.
-    pub(super) fn remark(&self) -> Option<Warning> {
+    pub(super) fn remark(&self) -> Option<ReadWarning> {
         if self.colors.is_empty() {
             return None;
         }
         let odd = self.ranges.iter().filter(|range| !range.is_expected());
         odd.map(|range| range.largest as u32)
             .max()
-            .map(|largest| Warning::ColorRange { largest })
+            .map(|largest| ReadWarning::ColorRange { largest })
     }
 }
 
@@ -249,7 +249,7 @@ mod tests {
             sink.push([7.0, value, value]);
             sink.remark()
         };
-        let read_to = |largest| Some(Warning::ColorRange { largest });
+        let read_to = |largest| Some(ReadWarning::ColorRange { largest });
         assert_eq!(remark(ColorRange::FLOAT, 0.5), None);
         assert_eq!(remark(ColorRange::FLOAT, 90.0), read_to(255));
         assert_eq!(remark(ColorRange::EITHER, 90.0), None);

@@ -8,8 +8,8 @@ use std::str::FromStr;
 
 use rayon::prelude::*;
 
-use super::job::Job;
-use super::{Error, Warning};
+use super::job::ReadJob;
+use super::{Error, ReadWarning};
 use crate::mesh::Mesh;
 use crate::mesh::attributes::{AttributeColumn, AttributeKind};
 
@@ -110,7 +110,7 @@ pub fn name_of_class(class: usize) -> Option<&'static str> {
 
 /// Colors the mesh as the options ask for; says what the colors mean.
 pub(super) fn apply(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     mesh: &mut Mesh,
     setting: &ColorSetting,
 ) -> Result<(), Error> {
@@ -161,7 +161,7 @@ pub(super) fn apply(
 /// Colors and what they mean.
 struct ColoredPoints {
     colors: Vec<[u8; 4]>,
-    remark: Warning,
+    remark: ReadWarning,
 }
 
 fn by_quantity(
@@ -188,7 +188,7 @@ fn by_quantity(
             .with_min_len(PIECE)
             .map(color)
             .collect(),
-        remark: Warning::ColoredBy {
+        remark: ReadWarning::ColoredBy {
             name: name.to_owned(),
             meaning: format!("dark blue {} to yellow {}", rounded(low), rounded(high)),
         },
@@ -259,7 +259,7 @@ fn by_category(column: &AttributeColumn, count: usize) -> ColoredPoints {
             .with_min_len(PIECE)
             .map(|at| color(value(at)))
             .collect(),
-        remark: Warning::ColoredBy {
+        remark: ReadWarning::ColoredBy {
             name: column.name.clone(),
             meaning: meaning.join(", "),
         },

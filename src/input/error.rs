@@ -5,18 +5,18 @@ use std::path::PathBuf;
 
 /// A place in a file, for messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum FilePlace {
     /// Line of a text file, counted from 1; of the unpacked text when the file is compressed.
     Line(u64),
     /// Offset in a binary file in bytes, counted from 0; in the unpacked data when the file is compressed.
     Byte(u64),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for FilePlace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::Line(line) => write!(f, "line {line}"),
-            Place::Byte(byte) => write!(f, "byte {byte}"),
+            FilePlace::Line(line) => write!(f, "line {line}"),
+            FilePlace::Byte(byte) => write!(f, "byte {byte}"),
         }
     }
 }
@@ -65,7 +65,7 @@ pub enum Error {
         /// What the decompressor said.
         source: std::io::Error,
     },
-    /// Something is larger than [`Limits`](super::Limits) or the 32-bit index of a vertex allows.
+    /// Something is larger than [`ReadLimits`](super::ReadLimits) or the 32-bit index of a vertex allows.
     #[error("{}: {what}: {found} is over the limit of {limit}; split the model or raise the limit", path.display())]
     TooLarge {
         /// The file.
@@ -173,7 +173,7 @@ pub enum Error {
         /// The file.
         path: PathBuf,
         /// Where.
-        place: Place,
+        place: FilePlace,
         /// What is wrong, with the value found.
         reason: String,
     },
@@ -183,7 +183,7 @@ pub enum Error {
         /// The file.
         path: PathBuf,
         /// Where.
-        place: Place,
+        place: FilePlace,
         /// The text found, shortened.
         token: String,
         /// What should stand there.
@@ -199,7 +199,7 @@ pub enum Error {
         /// The file.
         path: PathBuf,
         /// Where.
-        place: Place,
+        place: FilePlace,
         /// "vertex" or "normal".
         what: &'static str,
         /// The index as written.
@@ -215,7 +215,7 @@ pub enum Error {
         /// The file.
         path: PathBuf,
         /// Where the missing part would begin.
-        place: Place,
+        place: FilePlace,
         /// What is missing.
         missing: String,
     },

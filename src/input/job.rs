@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::part::{Fault, Inventory};
+use super::part::{PartFault, PartInventory};
 use super::text::{line_of, shown};
-use super::{Error, Options, Place, Warning};
+use super::{Error, FilePlace, ReadOptions, ReadWarning};
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::faces::FaceRepairs;
 use crate::printable::{MOST_CHARS, printable};
@@ -14,25 +14,25 @@ use crate::progress::Progress;
 const STEP: usize = 4 << 20;
 
 /// One file being read.
-pub(super) struct Job<'a> {
+pub(super) struct ReadJob<'a> {
     /// The file as messages name it.
     pub(super) path: &'a Path,
     /// Where files that the model names are looked for; `None` when the model has no place of its own.
     pub(super) folder: Option<&'a Path>,
-    pub(super) options: &'a Options,
+    pub(super) options: &'a ReadOptions,
     pub(super) progress: &'a dyn Progress,
-    pub(super) warnings: Vec<Warning>,
-    pub(super) inventory: Inventory,
+    pub(super) warnings: Vec<ReadWarning>,
+    pub(super) inventory: PartInventory,
     /// What the points carry beside position, normal and color, in the order of the positions.
     pub(super) attributes: PointAttributes,
     reported: usize,
 }
 
-impl<'a> Job<'a> {
+impl<'a> ReadJob<'a> {
     pub(super) fn new(
         path: &'a Path,
         folder: Option<&'a Path>,
-        options: &'a Options,
+        options: &'a ReadOptions,
         progress: &'a dyn Progress,
     ) -> Self {
         Self {
@@ -41,7 +41,7 @@ impl<'a> Job<'a> {
             options,
             progress,
             warnings: Vec::new(),
-            inventory: Inventory::default(),
+            inventory: PartInventory::default(),
             attributes: PointAttributes::default(),
             reported: 0,
         }
@@ -79,12 +79,12 @@ impl<'a> Job<'a> {
         self.reported = self.reported.max(at);
     }
 
-    pub(super) fn warn(&mut self, warning: Warning) {
+    pub(super) fn warn(&mut self, warning: ReadWarning) {
         self.warnings.push(warning);
     }
 
     /// Warns only when `count` is not zero.
-    pub(super) fn warn_count(&mut self, count: u64, warning: impl FnOnce(u64) -> Warning) {
+    pub(super) fn warn_count(&mut self, count: u64, warning: impl FnOnce(u64) -> ReadWarning) {
         if count > 0 {
             self.warnings.push(warning(count));
         }
@@ -92,14 +92,14 @@ impl<'a> Job<'a> {
 
     /// Counts a fault of something that decides no shape.
     #[cold]
-    pub(super) fn fault(&mut self, fault: Fault, data: &[u8], at: usize) {
+    pub(super) fn fault(&mut self, fault: PartFault, data: &[u8], at: usize) {
         self.inventory.fault(fault, 1, || at_line(data, at));
     }
 
     /// Says what was done about faces.
     pub(super) fn warn_repairs(&mut self, repairs: FaceRepairs) {
-        self.warn_count(repairs.opposed, |count| Warning::FacesOpposed { count });
-        self.warn_count(repairs.turned, |count| Warning::FacesTurned { count });
+        self.warn_count(repairs.opposed, |count| ReadWarning::FacesOpposed { count });
+        self.warn_count(repairs.turned, |count| ReadWarning::FacesTurned { count });
     }
 
     pub(super) fn empty(&self, what: &'static str) -> Error {
@@ -125,7 +125,7 @@ impl<'a> Job<'a> {
         }
     }
 
-    pub(super) fn syntax(&self, place: Place, reason: impl Into<String>) -> Error {
+    pub(super) fn syntax(&self, place: FilePlace, reason: impl Into<String>) -> Error {
         Error::Syntax {
             path: self.owned_path(),
             place,
@@ -133,7 +133,7 @@ impl<'a> Job<'a> {
         }
     }
 
-    pub(super) fn number(&self, place: Place, word: &[u8], wanted: &'static str) -> Error {
+    pub(super) fn number(&self, place: FilePlace, word: &[u8], wanted: &'static str) -> Error {
         Error::Number {
             path: self.owned_path(),
             place,
@@ -142,7 +142,7 @@ impl<'a> Job<'a> {
         }
     }
 
-    pub(super) fn truncated(&self, place: Place, missing: impl Into<String>) -> Error {
+    pub(super) fn truncated(&self, place: FilePlace, missing: impl Into<String>) -> Error {
         Error::Truncated {
             path: self.owned_path(),
             place,
@@ -152,7 +152,7 @@ impl<'a> Job<'a> {
 
     pub(super) fn index(
         &self,
-        place: Place,
+        place: FilePlace,
         what: &'static str,
         index: i64,
         count: u64,
@@ -180,6 +180,6 @@ impl<'a> Job<'a> {
 }
 
 /// The place of a byte in a text file.
-pub(super) fn at_line(data: &[u8], at: usize) -> Place {
-    Place::Line(line_of(data, at))
+pub(super) fn at_line(data: &[u8], at: usize) -> FilePlace {
+    FilePlace::Line(line_of(data, at))
 }

@@ -3,7 +3,7 @@
 //! [`load`] decides the format by content, then by ending, reads the whole file into memory and hands it to the
 //! reader of that format. Readers are written for bytes that may be wrong: memory is reserved only for what the
 //! bytes left in the file can hold, every index is checked, and whatever is wrong comes back as one [`Error`] with
-//! its place. What could be repaired or left out comes back as a [`Warning`].
+//! its place. What could be repaired or left out comes back as a [`ReadWarning`].
 //!
 //! All readers end in the same step (`assemble`): it moves large coordinates to an origin of their own, drops
 //! vertices that are not finite, normalizes normals.
@@ -38,26 +38,26 @@ use std::io::Read;
 use std::path::Path;
 
 pub use color_by::{ColorSetting, PointColoring, name_of_class};
-pub use error::{Error, Place};
+pub use error::{Error, FilePlace};
 pub use part::{FilePart, PartFate};
 pub use point_filter::{FieldCondition, FilterField, FilteredPoints, PointFilter};
 pub use stream::{StreamedModel, open_stream};
-pub use warning::Warning;
+pub use warning::ReadWarning;
 
 pub(crate) use points::las::write as write_las;
 
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::{Mesh, faces, weld};
 use crate::progress::Progress;
-use job::Job;
-use sniff::Kind;
+use job::ReadJob;
+use sniff::SniffedKind;
 
 /// Standard input, as messages name it.
 pub const STANDARD_INPUT: &str = "standard input";
 
 /// How to read. The default keeps the vertices of the file as they are.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct ReadOptions {
     /// Merge vertices that are equal in position, normal and color, bit by bit. STL has no shared vertices, so
     /// its corners are always merged by position.
     pub weld: bool,
@@ -73,10 +73,10 @@ pub struct Options {
     /// Color by height or an attribute instead of the colors of the file.
     pub color: Option<ColorSetting>,
     /// What is too much.
-    pub limits: Limits,
+    pub limits: ReadLimits,
 }
 
-impl Default for Options {
+impl Default for ReadOptions {
     fn default() -> Self {
         Self {
             weld: false,
@@ -84,7 +84,7 @@ impl Default for Options {
             textures: true,
             repair_faces: true,
             color: None,
-            limits: Limits::default(),
+            limits: ReadLimits::default(),
         }
     }
 }
@@ -94,7 +94,7 @@ impl Default for Options {
 /// The arrays of a mesh take at most about 40 times the bytes they are read from (a text cloud of one-digit
 /// coordinates), usually less than twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Limits {
+pub struct ReadLimits {
     /// Largest file, or standard input, in bytes.
     pub file_bytes: u64,
     /// Largest size of a gzipped file once unpacked, in bytes. Beyond 64 MiB a file that unpacks to more than 256
@@ -106,7 +106,7 @@ pub struct Limits {
     pub texture_bytes: u64,
 }
 
-impl Default for Limits {
+impl Default for ReadLimits {
     fn default() -> Self {
         Self {
             file_bytes: 1 << 40,
@@ -190,7 +190,7 @@ impl fmt::Display for Format {
 
 /// How many things the file holds, before polygons became triangles and vertices were doubled, merged or dropped.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct FileCounts {
     /// Vertices (positions) in the file; for STL its corners, three a triangle.
     pub vertices: u64,
     /// Faces in the file, polygons counted once, a triangle strip as its triangles.
@@ -199,20 +199,20 @@ pub struct Counts {
 
 /// A model as read.
 #[derive(Debug, Clone)]
-pub struct Loaded {
+pub struct LoadedMesh {
     /// The model; has at least one vertex. Vertices come in file order; those that OBJ files share between
     /// several normals or colors follow at the end.
     pub mesh: Mesh,
     /// The format that was recognized.
     pub format: Format,
     /// What was repaired or left out.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ReadWarning>,
     /// What the file holds, part by part, and what became of it.
     pub parts: Vec<FilePart>,
     /// Size of the file as stored, in bytes (compressed when it is).
     pub file_bytes: u64,
     /// What the file holds by its own count.
-    pub counts: Counts,
+    pub counts: FileCounts,
     /// What the points carry besides, in the order of the positions; empty for most models.
     pub attributes: PointAttributes,
 }
@@ -243,7 +243,11 @@ impl InputStream<'_> {
     ///
     /// # Errors
     /// [`Error::Open`], [`Error::TooLarge`], [`Error::Cancelled`].
-    pub fn read_all(&mut self, limits: &Limits, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
+    pub fn read_all(
+        &mut self,
+        limits: &ReadLimits,
+        progress: &dyn Progress,
+    ) -> Result<Vec<u8>, Error> {
         source::read_all(self, limits.file_bytes, progress)
     }
 }
@@ -254,7 +258,11 @@ impl InputStream<'_> {
 ///
 /// # Errors
 /// See [`Error`]; a file that is damaged anywhere gives exactly one.
-pub fn load(path: &Path, options: &Options, progress: &dyn Progress) -> Result<Loaded, Error> {
+pub fn load(
+    path: &Path,
+    options: &ReadOptions,
+    progress: &dyn Progress,
+) -> Result<LoadedMesh, Error> {
     if path == Path::new("-") {
         let stream = InputStream {
             path: Path::new(STANDARD_INPUT),
@@ -280,9 +288,9 @@ pub fn load(path: &Path, options: &Options, progress: &dyn Progress) -> Result<L
 /// As for [`load`].
 pub fn load_stream(
     mut stream: InputStream<'_>,
-    options: &Options,
+    options: &ReadOptions,
     progress: &dyn Progress,
-) -> Result<Loaded, Error> {
+) -> Result<LoadedMesh, Error> {
     let _span = tracing::info_span!("input.load", path = %stream.path.display()).entered();
     let bytes = stream.read_all(&options.limits, progress)?;
     load_from(stream.path, stream.folder, bytes, options, progress)
@@ -296,9 +304,9 @@ pub fn load_stream(
 pub fn load_bytes(
     name: &str,
     bytes: &[u8],
-    options: &Options,
+    options: &ReadOptions,
     progress: &dyn Progress,
-) -> Result<Loaded, Error> {
+) -> Result<LoadedMesh, Error> {
     load_from(Path::new(name), None, bytes, options, progress)
 }
 
@@ -306,12 +314,12 @@ fn load_from<'a>(
     path: &Path,
     folder: Option<&Path>,
     bytes: impl Into<std::borrow::Cow<'a, [u8]>>,
-    options: &Options,
+    options: &ReadOptions,
     progress: &dyn Progress,
-) -> Result<Loaded, Error> {
+) -> Result<LoadedMesh, Error> {
     let stored = bytes.into();
     let file_bytes = stored.len() as u64;
-    let mut job = Job::new(path, folder, options, progress);
+    let mut job = ReadJob::new(path, folder, options, progress);
     if file_bytes > options.limits.file_bytes {
         return Err(job.too_large("bytes", file_bytes, options.limits.file_bytes));
     }
@@ -331,17 +339,17 @@ fn load_from<'a>(
     let kind = sniff::decide(&mut job, data)?;
     progress.stage("parse", data.len() as u64);
     let (format, raw) = match kind {
-        Kind::Obj => (Format::Obj, obj::read(&mut job, data)?),
-        Kind::Ply => ply::read(&mut job, data)?,
-        Kind::StlAscii => (Format::StlAscii, stl::read_ascii(&mut job, data)?),
-        Kind::StlBinary => (Format::StlBinary, stl::read_binary(&mut job, data)?),
-        Kind::Off => (Format::Off, off::read(&mut job, data)?),
-        Kind::Tri => (Format::Tri, tri::read(&mut job, data)?),
-        Kind::Las => points::las::read(&mut job, data)?,
-        Kind::Gltf => gltf::read(&mut job, data)?,
-        Kind::E57 => points::e57::read(&mut job, data)?,
-        Kind::Pcd => points::pcd::read(&mut job, data)?,
-        Kind::Text => points::text::read(&mut job, data)?,
+        SniffedKind::Obj => (Format::Obj, obj::read(&mut job, data)?),
+        SniffedKind::Ply => ply::read(&mut job, data)?,
+        SniffedKind::StlAscii => (Format::StlAscii, stl::read_ascii(&mut job, data)?),
+        SniffedKind::StlBinary => (Format::StlBinary, stl::read_binary(&mut job, data)?),
+        SniffedKind::Off => (Format::Off, off::read(&mut job, data)?),
+        SniffedKind::Tri => (Format::Tri, tri::read(&mut job, data)?),
+        SniffedKind::Las => points::las::read(&mut job, data)?,
+        SniffedKind::Gltf => gltf::read(&mut job, data)?,
+        SniffedKind::E57 => points::e57::read(&mut job, data)?,
+        SniffedKind::Pcd => points::pcd::read(&mut job, data)?,
+        SniffedKind::Text => points::text::read(&mut job, data)?,
     };
     job.report(data.len())?;
     drop(bytes);
@@ -356,7 +364,7 @@ fn load_from<'a>(
         // Merged points would need merged values.
         job.attributes.columns = Vec::new();
         let parts = vec!["attributes, since points are merged".to_owned()];
-        job.warn(Warning::LeftOut { parts });
+        job.warn(ReadWarning::LeftOut { parts });
     }
     if options.weld || matches!(format, Format::StlAscii | Format::StlBinary) {
         weld::weld(&mut mesh);
@@ -364,7 +372,7 @@ fn load_from<'a>(
     if options.repair_faces {
         job.warn_repairs(faces::repair(&mut mesh));
     }
-    Ok(Loaded {
+    Ok(LoadedMesh {
         mesh,
         format,
         warnings: job.warnings,

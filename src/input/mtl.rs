@@ -8,12 +8,12 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::Warning;
+use super::ReadWarning;
 use super::color::color_from_unit;
-use super::job::Job;
+use super::job::ReadJob;
 use super::material_texture::{ImagePlace, MaterialTexture};
-use super::part::{Inventory, PartFate};
-use super::text::{Scanner, parse_f64, shown, words};
+use super::part::{PartFate, PartInventory};
+use super::text::{TextScanner, parse_f64, shown, words};
 use super::textures::{ImageBytes, ImageSource, ImageTint};
 use crate::textures::NO_IMAGE;
 
@@ -31,7 +31,7 @@ const WHITE: [u8; 4] = [255; 4];
 /// Where the faces of one material begin.
 #[derive(Debug)]
 pub(super) struct MaterialRun {
-    /// Their first triangle.
+    /// First triangle of these faces.
     pub(super) first: usize,
     /// The material's name as written.
     pub(super) name: Vec<u8>,
@@ -51,7 +51,7 @@ pub(super) struct MaterialLooks {
 
 impl MaterialLooks {
     /// The number of a material's texture, which is added when it is new.
-    fn image_of(&mut self, material: &Material, folder: &mut Option<MaterialFolder<'_>>) -> u32 {
+    fn image_of(&mut self, material: &MtlMaterial, folder: &mut Option<MaterialFolder<'_>>) -> u32 {
         let Some(texture) = &material.texture else {
             return NO_IMAGE;
         };
@@ -94,7 +94,7 @@ impl MaterialLooks {
 
 /// What the materials give each triangle; nothing when not wanted. Textures only where triangles `have_places` in them.
 pub(super) fn looks_of(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     files: &[Vec<u8>],
     runs: &[MaterialRun],
     (triangles, have_places): (usize, bool),
@@ -154,13 +154,13 @@ pub(super) fn looks_of(
     let unplaced = materials.list.iter().filter(|_| !have_places);
     let mut unplaced = unplaced.filter_map(|material| material.texture.as_ref());
     if let Some(first) = unplaced.next() {
-        job.warn(Warning::TextureIgnored {
+        job.warn(ReadWarning::TextureIgnored {
             name: shown(first.name.as_bytes()),
             count: 1 + unplaced.count() as u64,
         });
     }
     if let Some(name) = unknown.first() {
-        job.warn(Warning::MaterialUnknown {
+        job.warn(ReadWarning::MaterialUnknown {
             name: shown(name),
             count: unknown.len() as u64,
         });
@@ -174,7 +174,7 @@ pub(super) fn looks_of(
     looks
 }
 
-impl Inventory {
+impl PartInventory {
     /// Lists material files that were not looked for.
     pub(super) fn left_materials(&mut self, files: &[Vec<u8>], why: &str) {
         for name in files.iter().take(MOST_MATERIAL_FILES) {
@@ -184,8 +184,8 @@ impl Inventory {
     }
 }
 
-fn read_files(job: &mut Job<'_>, lines: &[Vec<u8>]) -> Materials {
-    let mut materials = Materials::default();
+fn read_files(job: &mut ReadJob<'_>, lines: &[Vec<u8>]) -> MaterialTable {
+    let mut materials = MaterialTable::default();
     let mut folder = job.folder.map(MaterialFolder::new);
     let mut seen = HashSet::new();
     let mut names = Vec::new();
@@ -225,7 +225,7 @@ fn read_files(job: &mut Job<'_>, lines: &[Vec<u8>]) -> Materials {
                 job.inventory
                     .add(part, 1, PartFate::LeftOut, reason.clone());
                 let name = shown(name.as_bytes());
-                job.warn(Warning::MaterialFileMissing { name, reason });
+                job.warn(ReadWarning::MaterialFileMissing { name, reason });
             }
         }
     }
@@ -285,7 +285,7 @@ impl<'a> MaterialFolder<'a> {
 
 /// A material of a material file.
 #[derive(Debug, Clone, Default)]
-struct Material {
+struct MtlMaterial {
     name: Vec<u8>,
     diffuse: Option<[u8; 4]>,
     texture: Option<MaterialTexture>,
@@ -294,7 +294,7 @@ struct Material {
     folder: PathBuf,
 }
 
-impl Material {
+impl MtlMaterial {
     /// White without a color. Black under a texture is what exporters write for no color.
     fn color(&self) -> [u8; 4] {
         match self.diffuse {
@@ -310,7 +310,7 @@ impl Material {
     }
 
     /// Lists the material with the triangles it has, and why its texture is `left` out.
-    fn list(&self, inventory: &mut Inventory, triangles: u64, left: Option<&str>) {
+    fn list(&self, inventory: &mut PartInventory, triangles: u64, left: Option<&str>) {
         let [red, green, blue, _] = self.color();
         let mut note = format!("triangles in color {red} {green} {blue}");
         if self.diffuse.is_some_and(|diffuse| diffuse != self.color()) {
@@ -330,8 +330,8 @@ impl Material {
 
 /// Materials in the order in which they were first defined.
 #[derive(Debug, Default)]
-struct Materials {
-    list: Vec<Material>,
+struct MaterialTable {
+    list: Vec<MtlMaterial>,
     by_name: HashMap<Vec<u8>, usize>,
     /// By the name in lower case without quotes, the first of each.
     by_likeness: HashMap<Vec<u8>, usize>,
@@ -348,7 +348,7 @@ fn likeness(name: &[u8]) -> Vec<u8> {
     bare.trim_ascii().to_ascii_lowercase()
 }
 
-impl Materials {
+impl MaterialTable {
     /// The material of a name: as written, or but for case and quotes.
     fn find(&self, name: &[u8]) -> Option<usize> {
         let exact = self.by_name.get(name);
@@ -383,7 +383,7 @@ impl Materials {
     }
 
     fn add(&mut self, data: &[u8]) {
-        let mut scanner = Scanner::new(data, 0);
+        let mut scanner = TextScanner::new(data, 0);
         let mut current: Option<usize> = None;
         while let Some((line, _)) = scanner.line() {
             let line = line.trim_ascii();
@@ -424,9 +424,9 @@ impl Materials {
     }
 
     fn define(&mut self, name: &[u8]) -> usize {
-        let material = Material {
+        let material = MtlMaterial {
             name: name.to_vec(),
-            ..Material::default()
+            ..MtlMaterial::default()
         };
         let next = self.list.len();
         let index = *self.by_name.entry(name.to_vec()).or_insert(next);
@@ -447,7 +447,7 @@ mod tests {
 
     #[test]
     fn diffuse_colors_by_name() {
-        let mut materials = Materials::default();
+        let mut materials = MaterialTable::default();
         materials.add(
             b"Kd 1 0 0\n# c\nnewmtl red one\r\nKd 1 0 0\r\nmap_Kd -s 1 1 a.png\nnewmtl gray\nKd 0.5\nmap_Kd \n\
               newmtl odd\nKd spectral a.rfl\nKd\nNEWMTL Bytes\nkd 255 0 51\nnewmtl photo\nmap_kd b.jpg\nKd 0 0 0\n\

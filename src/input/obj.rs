@@ -13,16 +13,16 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec2, Vec3};
 
-use super::assemble::{Coordinates, Raw};
+use super::assemble::{FileCoordinates, RawMesh};
 use super::color::{ColorRange, ColorSink};
-use super::job::{Job, at_line};
+use super::job::{ReadJob, at_line};
 use super::mtl::{self, MaterialLooks, MaterialRun};
-use super::part::{Fault, PartFate};
+use super::part::{PartFate, PartFault};
 use super::pointed_index::{NO_INDEX, PointedIndex};
 use super::polygon::{FaceList, without_repeated};
-use super::text::{Scanner, after_keyword, parse_f64, parse_i64, shown, words};
+use super::text::{TextScanner, after_keyword, parse_f64, parse_i64, shown, words};
 use super::textures::RawTextures;
-use super::{Counts, Error, Warning};
+use super::{Error, FileCounts, ReadWarning};
 
 /// Corner of a face: indices of its position, normal and texture coordinate.
 #[derive(Debug, Clone, Copy)]
@@ -34,7 +34,7 @@ struct FaceCorner {
 
 /// The file as it was written, with indices from 0.
 #[derive(Debug)]
-struct File {
+struct ObjFile {
     positions: Vec<DVec3>,
     /// Color of every position up to the last that has one.
     colors: ColorSink,
@@ -61,8 +61,8 @@ struct File {
 const MOST_KEYWORDS: usize = 40;
 
 /// Reads an OBJ file.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
-    let mut file = File::parse(job, data)?;
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
+    let mut file = ObjFile::parse(job, data)?;
     let count = file.positions.len() as u64;
     if let Some((index, at)) = file.ahead
         && index > count
@@ -71,7 +71,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
     }
     file.forget_missing(job, data);
     file.list.warn(job);
-    job.warn_count(file.ignored, |count| Warning::PartsIgnored {
+    job.warn_count(file.ignored, |count| ReadWarning::PartsIgnored {
         what: "lines, points and curves",
         count,
     });
@@ -100,9 +100,9 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
     Ok(raw)
 }
 
-impl File {
-    fn parse(job: &mut Job<'_>, data: &[u8]) -> Result<File, Error> {
-        let mut file = File {
+impl ObjFile {
+    fn parse(job: &mut ReadJob<'_>, data: &[u8]) -> Result<ObjFile, Error> {
+        let mut file = ObjFile {
             positions: Vec::new(),
             colors: ColorSink::new([ColorRange::FLOAT; 3]),
             normals: Vec::new(),
@@ -118,7 +118,7 @@ impl File {
             pointed_textures: PointedIndex::default(),
             others: Vec::new(),
         };
-        let mut scanner = Scanner::new(data, 0);
+        let mut scanner = TextScanner::new(data, 0);
         let mut corners = Vec::new();
         while let Some((line, at)) = scanner.line() {
             let line = joined(line, &mut scanner);
@@ -134,7 +134,7 @@ impl File {
                     let place = match (u.and_then(parse_f64), number(v)) {
                         (Some(u), Some(v)) => Vec2::new(u as f32, v as f32),
                         _ => {
-                            job.fault(Fault::TEXTURE, data, at);
+                            job.fault(PartFault::TEXTURE, data, at);
                             Vec2::ZERO
                         }
                     };
@@ -147,7 +147,7 @@ impl File {
                         .push(if let [Some(x), Some(y), Some(z)] = normal {
                             Vec3::new(x as f32, y as f32, z as f32)
                         } else {
-                            job.fault(Fault::NORMAL, data, at);
+                            job.fault(PartFault::NORMAL, data, at);
                             Vec3::ZERO
                         });
                 }
@@ -185,7 +185,7 @@ impl File {
     /// `v x y z`, with a weight, or with a color (and an alpha, which is ignored).
     fn vertex<'a>(
         &mut self,
-        job: &mut Job<'_>,
+        job: &mut ReadJob<'_>,
         data: &[u8],
         at: usize,
         mut line_words: impl Iterator<Item = &'a [u8]>,
@@ -196,7 +196,7 @@ impl File {
         let mut count = 0;
         for word in line_words.take_while(|word| !word.starts_with(b"#")) {
             let Some(number) = parse_f64(word) else {
-                job.fault(Fault::EXTRA, data, at);
+                job.fault(PartFault::EXTRA, data, at);
                 return Ok(());
             };
             if let Some(slot) = extra.get_mut(count) {
@@ -217,7 +217,7 @@ impl File {
     /// a remark.
     fn face<'a>(
         &mut self,
-        job: &mut Job<'_>,
+        job: &mut ReadJob<'_>,
         data: &[u8],
         at: usize,
         line_words: impl Iterator<Item = &'a [u8]>,
@@ -234,7 +234,7 @@ impl File {
                     let known = self.textures.len();
                     let texture = self.pointed_textures.index(texture, known, at);
                     if texture.is_none() {
-                        job.fault(Fault::TEXTURE_INDEX, data, at);
+                        job.fault(PartFault::TEXTURE_INDEX, data, at);
                     }
                     texture.unwrap_or(NO_INDEX)
                 }
@@ -244,14 +244,14 @@ impl File {
                     let known = self.normals.len();
                     let normal = self.pointed_normals.index(normal, known, at);
                     if normal.is_none() {
-                        job.fault(Fault::NORMAL_INDEX, data, at);
+                        job.fault(PartFault::NORMAL_INDEX, data, at);
                     }
                     normal.unwrap_or(NO_INDEX)
                 }
                 _ => NO_INDEX,
             };
             if parts.next().is_some() {
-                job.fault(Fault::CORNER, data, at);
+                job.fault(PartFault::CORNER, data, at);
             }
             corners.push(FaceCorner {
                 position,
@@ -287,7 +287,7 @@ impl File {
     #[inline]
     fn resolve(
         &mut self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         data: &[u8],
         at: usize,
         word: &[u8],
@@ -312,7 +312,7 @@ impl File {
     }
 
     /// Takes back what corners say of normals and texture coordinates that the file does not have.
-    fn forget_missing(&mut self, job: &mut Job<'_>, data: &[u8]) {
+    fn forget_missing(&mut self, job: &mut ReadJob<'_>, data: &[u8]) {
         let normals = self.normals.len() as u64;
         let (pointed, textures) = (self.pointed_normals, self.pointed_textures);
         let known = self.textures.len() as u64;
@@ -321,7 +321,7 @@ impl File {
             let all = self.corner_textures.iter_mut().flatten();
             all.filter(beyond).for_each(|texture| *texture = NO_INDEX);
             job.inventory
-                .fault(Fault::TEXTURE_INDEX, textures.count, || {
+                .fault(PartFault::TEXTURE_INDEX, textures.count, || {
                     at_line(data, textures.first)
                 });
         }
@@ -337,12 +337,13 @@ impl File {
         }
         // In triangles, corners count more than once.
         let count = pointed.count.min(missing).max(1);
-        job.inventory
-            .fault(Fault::NORMAL_INDEX, count, || at_line(data, pointed.first));
+        job.inventory.fault(PartFault::NORMAL_INDEX, count, || {
+            at_line(data, pointed.first)
+        });
     }
 
     /// Lists what the file holds, but for materials.
-    fn list_parts(&self, job: &mut Job<'_>, are_used: bool) {
+    fn list_parts(&self, job: &mut ReadJob<'_>, are_used: bool) {
         let inventory = &mut job.inventory;
         let count = |length: usize| length as u64;
         inventory.add(
@@ -422,8 +423,8 @@ impl File {
 
     /// Gives every combination of position, normal and color a vertex. `colors` holds a color per triangle, or
     /// nothing.
-    fn split(mut self, colors: Vec<[u8; 4]>) -> Raw {
-        let counts = Counts {
+    fn split(mut self, colors: Vec<[u8; 4]>) -> RawMesh {
+        let counts = FileCounts {
             vertices: self.positions.len() as u64,
             faces: self.list.faces,
         };
@@ -497,15 +498,15 @@ impl File {
                 .map(|attributes| attributes.map_or([255; 4], |(_, color)| color))
                 .collect();
         }
-        Raw {
+        RawMesh {
             absent_normals: absent,
             ..self.raw(counts)
         }
     }
 
-    fn raw(self, counts: Counts) -> Raw {
-        Raw {
-            coordinates: Coordinates::Double(self.positions),
+    fn raw(self, counts: FileCounts) -> RawMesh {
+        RawMesh {
+            coordinates: FileCoordinates::Double(self.positions),
             normals: self.normals,
             absent_normals: 0,
             colors: self.colors.colors,
@@ -518,7 +519,7 @@ impl File {
 }
 
 /// The line with those that follow it while they end in a backslash.
-fn joined<'a>(line: &'a [u8], scanner: &mut Scanner<'a>) -> Cow<'a, [u8]> {
+fn joined<'a>(line: &'a [u8], scanner: &mut TextScanner<'a>) -> Cow<'a, [u8]> {
     if !line.ends_with(b"\\") {
         return Cow::Borrowed(line);
     }
@@ -537,7 +538,7 @@ fn joined<'a>(line: &'a [u8], scanner: &mut Scanner<'a>) -> Cow<'a, [u8]> {
 }
 
 fn three<'a>(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     data: &[u8],
     at: usize,
     line_words: &mut impl Iterator<Item = &'a [u8]>,

@@ -7,19 +7,19 @@
 
 use glam::{DVec3, Vec3};
 
-use super::assemble::{Coordinates, Raw};
+use super::assemble::{FileCoordinates, RawMesh};
 use super::color::{ColorRange, ColorSink};
-use super::job::{Job, at_line};
-use super::part::{Fault, PartFate};
+use super::job::{ReadJob, at_line};
+use super::part::{PartFate, PartFault};
 use super::polygon::FaceList;
 use super::sniff::is_off_keyword;
-use super::text::{Scanner, parse_f64, parse_i64, words};
-use super::{Counts, Error, Warning};
+use super::text::{TextScanner, parse_f64, parse_i64, words};
+use super::{Error, FileCounts, ReadWarning};
 
 /// Reads an OFF file.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
-    let mut scanner = Scanner::new(data, 0);
-    let missing = |job: &Job<'_>, what: &str| {
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
+    let mut scanner = TextScanner::new(data, 0);
+    let missing = |job: &ReadJob<'_>, what: &str| {
         job.truncated(at_line(data, data.len()), format!("{what} missing"))
     };
 
@@ -92,19 +92,19 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
             normals.push(if let [Some(x), Some(y), Some(z)] = normal {
                 Vec3::new(x as f32, y as f32, z as f32)
             } else {
-                job.fault(Fault::NORMAL, data, at);
+                job.fault(PartFault::NORMAL, data, at);
                 Vec3::ZERO
             });
         }
         // Writers add colors without saying so in the keyword.
-        let color = Extra::of(&mut line_words);
+        let color = LineRest::of(&mut line_words);
         let is_likely = matches!(color.count, 3 | 4) && !has_textures && color.rgb.is_some();
         let is_color = has_colors || is_likely;
         if is_color {
             colors.colors.resize(positions.len() - 1, WHITE);
             match color.rgb {
                 Some(rgb) => colors.push(rgb),
-                None => job.fault(Fault::COLOR, data, at),
+                None => job.fault(PartFault::COLOR, data, at),
             }
             alphas += u64::from(color.is_transparent);
         } else {
@@ -145,7 +145,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         if length < 3 {
             continue;
         }
-        let color = Extra::of(&mut line_words);
+        let color = LineRest::of(&mut line_words);
         match color.rgb {
             Some(rgb) => {
                 face_colors.colors.resize(before, WHITE);
@@ -153,7 +153,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
                 face_colors.colors.resize(list.triangles.len(), color);
                 colored += 1;
             }
-            None if color.count >= 3 => job.fault(Fault::COLOR, data, at),
+            None if color.count >= 3 => job.fault(PartFault::COLOR, data, at),
             None => indexed += u64::from(color.count > 0),
         }
         alphas += u64::from(color.is_transparent);
@@ -162,7 +162,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
     list.warn(job);
     if scanner.meaningful_line().is_some() {
         let bytes = (data.len() - scanner.at) as u64;
-        job.warn_count(bytes, |bytes| Warning::TrailingBytes { bytes });
+        job.warn_count(bytes, |bytes| ReadWarning::TrailingBytes { bytes });
     }
     if let Some(remark) = [&colors, &face_colors]
         .iter()
@@ -216,14 +216,14 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
             inventory.leave_out(what);
         }
     }
-    let mut raw = Raw {
-        coordinates: Coordinates::Double(positions),
+    let mut raw = RawMesh {
+        coordinates: FileCoordinates::Double(positions),
         normals,
         absent_normals: 0,
         colors: colors.colors,
         triangles: list.triangles,
         polygons: list.polygons,
-        counts: Counts { vertices, faces },
+        counts: FileCounts { vertices, faces },
         textures: None,
     };
     if colored > 0 && !has_both {
@@ -237,7 +237,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
 const WHITE: [u8; 4] = [255; 4];
 
 /// What follows on a line.
-struct Extra {
+struct LineRest {
     /// How many words.
     count: usize,
     /// The first three, when there are so many numbers.
@@ -246,7 +246,7 @@ struct Extra {
     is_transparent: bool,
 }
 
-impl Extra {
+impl LineRest {
     fn of<'a>(line_words: &mut impl Iterator<Item = &'a [u8]>) -> Self {
         let mut values = [0.0; 4];
         let (mut count, mut are_numbers) = (0, true);

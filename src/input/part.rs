@@ -2,12 +2,12 @@
 
 use std::fmt;
 
-use super::{Place, Warning};
+use super::{FilePlace, ReadWarning};
 
 /// A part of a file and what became of it: an element, a property, a kind of line, a material, a texture, a block.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FilePart {
-    /// Its kind and name, such as "vertex property quality".
+    /// Kind and name of the part, such as "vertex property quality".
     pub name: String,
     /// How many rows, lines or bytes there are of it.
     pub count: u64,
@@ -20,11 +20,11 @@ pub struct FilePart {
 /// What became of a part of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PartFate {
-    /// It is in the mesh.
+    /// The part is in the mesh.
     Used,
-    /// It is kept beside the mesh, as an attribute of its points.
+    /// The part is kept beside the mesh, as an attribute of its points.
     Kept,
-    /// It would change the picture, and is not in the mesh.
+    /// The part would change the picture, and is not in the mesh.
     LeftOut,
     /// No picture depends on it: names, groups, comments.
     Unneeded,
@@ -50,40 +50,41 @@ impl fmt::Display for PartFate {
 
 /// A fault of something that decides no shape: what is wrong, in the plural, and what was done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Fault(&'static str, &'static str);
+pub(super) struct PartFault(&'static str, &'static str);
 
-impl Fault {
-    pub(super) const NORMAL: Fault = Fault("normals are no three numbers", "treated as unknown");
-    pub(super) const NORMAL_INDEX: Fault = Fault(
+impl PartFault {
+    pub(super) const NORMAL: PartFault =
+        PartFault("normals are no three numbers", "treated as unknown");
+    pub(super) const NORMAL_INDEX: PartFault = PartFault(
         "corners name normals that the file does not have",
         "their normals are computed",
     );
-    pub(super) const TEXTURE: Fault =
-        Fault("texture coordinates are no numbers", "treated as zero");
-    pub(super) const TEXTURE_INDEX: Fault = Fault(
+    pub(super) const TEXTURE: PartFault =
+        PartFault("texture coordinates are no numbers", "treated as zero");
+    pub(super) const TEXTURE_INDEX: PartFault = PartFault(
         "corners name texture coordinates that the file does not have",
         "ignored",
     );
-    pub(super) const CORNER: Fault = Fault(
+    pub(super) const CORNER: PartFault = PartFault(
         "corners say more than position, texture coordinate and normal",
         "the rest is ignored",
     );
-    pub(super) const COLOR: Fault = Fault("colors are no numbers", "treated as white");
-    pub(super) const EXTRA: Fault = Fault(
+    pub(super) const COLOR: PartFault = PartFault("colors are no numbers", "treated as white");
+    pub(super) const EXTRA: PartFault = PartFault(
         "values beside the position are no numbers",
         "treated as zero",
     );
-    pub(super) const END_MARK: Fault = Fault("end marks are misspelt", "read all the same");
-    pub(super) const NO_END: Fault = Fault(
+    pub(super) const END_MARK: PartFault = PartFault("end marks are misspelt", "read all the same");
+    pub(super) const NO_END: PartFault = PartFault(
         "`endsolid` is missing",
         "check that the file has not been cut short",
     );
-    pub(super) const POINT_LINE: Fault = Fault("lines are no points", "left out");
-    pub(super) const LINE: Fault = Fault("lines are not known", "ignored");
+    pub(super) const POINT_LINE: PartFault = PartFault("lines are no points", "left out");
+    pub(super) const LINE: PartFault = PartFault("lines are not known", "ignored");
 
     /// The remark about `count` of them, the first at `place`.
-    pub(super) fn remark(self, count: u64, place: Place) -> Warning {
-        Warning::PartFaulty {
+    pub(super) fn remark(self, count: u64, place: FilePlace) -> ReadWarning {
+        ReadWarning::PartFaulty {
             what: self.0,
             outcome: self.1,
             count,
@@ -115,17 +116,17 @@ pub(super) fn grouped<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<Strin
 
 /// The parts of a file and its small faults while it is read.
 #[derive(Debug, Default)]
-pub(super) struct Inventory {
+pub(super) struct PartInventory {
     pub(super) parts: Vec<FilePart>,
     /// What the one line about what was left out names.
     left_out: Vec<String>,
-    faults: Vec<(Fault, u64, Place)>,
+    faults: Vec<(PartFault, u64, FilePlace)>,
 }
 
 /// Parts beyond this many are not listed: a file made for harm could name millions.
 const MOST_PARTS: usize = 1000;
 
-impl Inventory {
+impl PartInventory {
     /// Adds a part.
     pub(super) fn add(
         &mut self,
@@ -164,7 +165,12 @@ impl Inventory {
 
     /// Adds `count` to a fault; `place` is asked for at the first of its kind.
     #[cold]
-    pub(super) fn fault(&mut self, fault: Fault, count: u64, place: impl FnOnce() -> Place) {
+    pub(super) fn fault(
+        &mut self,
+        fault: PartFault,
+        count: u64,
+        place: impl FnOnce() -> FilePlace,
+    ) {
         match self.faults.iter_mut().find(|known| known.0 == fault) {
             Some(known) => known.1 += count,
             None => self.faults.push((fault, count, place())),
@@ -172,14 +178,14 @@ impl Inventory {
     }
 
     /// The remarks about all of it.
-    pub(super) fn remarks(&mut self) -> Vec<Warning> {
+    pub(super) fn remarks(&mut self) -> Vec<ReadWarning> {
         let mut remarks: Vec<_> = std::mem::take(&mut self.faults)
             .into_iter()
             .map(|(fault, count, place)| fault.remark(count, place))
             .collect();
         if !self.left_out.is_empty() {
             let parts = std::mem::take(&mut self.left_out);
-            remarks.push(Warning::LeftOut { parts });
+            remarks.push(ReadWarning::LeftOut { parts });
         }
         remarks
     }
@@ -197,13 +203,13 @@ mod tests {
 
     #[test]
     fn faults_are_counted_and_the_first_is_placed() {
-        let mut inventory = Inventory::default();
-        inventory.fault(Fault::NORMAL, 1, || Place::Line(3));
-        inventory.fault(Fault::COLOR, 1, || Place::Line(4));
-        inventory.fault(Fault::NORMAL, 1, || Place::Line(5));
+        let mut inventory = PartInventory::default();
+        inventory.fault(PartFault::NORMAL, 1, || FilePlace::Line(3));
+        inventory.fault(PartFault::COLOR, 1, || FilePlace::Line(4));
+        inventory.fault(PartFault::NORMAL, 1, || FilePlace::Line(5));
         inventory.leave_out("alpha of vertex");
         let remarks = inventory.remarks();
-        assert_eq!(remarks[0], Fault::NORMAL.remark(2, Place::Line(3)));
+        assert_eq!(remarks[0], PartFault::NORMAL.remark(2, FilePlace::Line(3)));
         assert_eq!(
             remarks[0].to_string(),
             "2 normals are no three numbers, the first on line 3; treated as unknown"

@@ -164,7 +164,7 @@ enum StoredCondition<'a> {
 }
 
 impl PointFilter {
-    /// Whether everything is kept.
+    /// Tells whether everything is kept.
     pub fn is_empty(&self) -> bool {
         self.conditions.is_empty()
     }

@@ -40,7 +40,7 @@ impl PointedIndex {
         Some(index)
     }
 
-    /// Whether corners name something that never came; `count` is how much did.
+    /// Tells whether corners name something that never came; `count` is how much did.
     pub(super) fn is_beyond(&self, count: u64) -> bool {
         self.count > 0 && u64::from(self.largest) >= count
     }

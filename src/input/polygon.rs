@@ -9,8 +9,8 @@ use earcut::Earcut;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::job::Job;
-use super::{Error, Warning};
+use super::job::ReadJob;
+use super::{Error, ReadWarning};
 
 /// A face of more corners than this stays a fan: clipping ears takes the square of their number.
 const MOST_CORNERS: usize = 1 << 14;
@@ -20,8 +20,8 @@ const PIECE: usize = 1 << 13;
 
 /// Faces of one number of corners, one after the other.
 #[derive(Debug, Clone, Copy)]
-struct Run {
-    /// Its first triangle.
+struct FaceRun {
+    /// First triangle of the run.
     first: usize,
     corners: usize,
     count: usize,
@@ -30,7 +30,7 @@ struct Run {
 /// Where the fans of more than one triangle are.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PolygonRuns {
-    runs: Vec<Run>,
+    runs: Vec<FaceRun>,
 }
 
 impl PolygonRuns {
@@ -47,7 +47,7 @@ impl PolygonRuns {
             last.count += 1;
             return;
         }
-        self.runs.push(Run {
+        self.runs.push(FaceRun {
             first,
             corners,
             count: 1,
@@ -69,7 +69,7 @@ impl PolygonRuns {
     /// [`Error::Cancelled`].
     pub(super) fn cut(
         &self,
-        job: &mut Job<'_>,
+        job: &mut ReadJob<'_>,
         triangles: &mut [[u32; 3]],
         point: impl Fn(u32) -> DVec3 + Sync,
     ) -> Result<(), Error> {
@@ -88,7 +88,7 @@ impl PolygonRuns {
         }
         let progress = job.progress;
         pieces.into_par_iter().with_min_len(64).try_for_each_init(
-            Clipper::default,
+            FaceClipper::default,
             |clipper, (fan, piece)| {
                 if progress.is_cancelled() {
                     return Err(Error::Cancelled);
@@ -105,7 +105,7 @@ impl PolygonRuns {
         )?;
         let too_long = self.runs.iter().filter(|run| run.corners > MOST_CORNERS);
         let too_long = too_long.map(|run| run.count as u64).sum();
-        job.warn_count(too_long, |count| Warning::PolygonsTooLong {
+        job.warn_count(too_long, |count| ReadWarning::PolygonsTooLong {
             count,
             most: MOST_CORNERS as u64,
         });
@@ -236,9 +236,11 @@ impl FaceList {
     }
 
     /// Says what was left out.
-    pub(super) fn warn(&self, job: &mut Job<'_>) {
-        job.warn_count(self.small, |count| Warning::FacesTooSmall { count });
-        job.warn_count(self.closed, |count| Warning::FirstCornerRepeated { count });
+    pub(super) fn warn(&self, job: &mut ReadJob<'_>) {
+        job.warn_count(self.small, |count| ReadWarning::FacesTooSmall { count });
+        job.warn_count(self.closed, |count| ReadWarning::FirstCornerRepeated {
+            count,
+        });
     }
 }
 
@@ -271,7 +273,7 @@ fn cut_quad(first: &mut [u32; 3], second: &mut [u32; 3], point: &impl Fn(u32) ->
 }
 
 /// Cuts faces of any number of corners; keeps its memory from one to the next.
-struct Clipper {
+struct FaceClipper {
     earcut: Earcut<f64>,
     corners: Vec<u32>,
     /// Corners from the first one, in space and in the face's plane.
@@ -281,7 +283,7 @@ struct Clipper {
     is_used: Vec<bool>,
 }
 
-impl Default for Clipper {
+impl Default for FaceClipper {
     fn default() -> Self {
         Self {
             earcut: Earcut::new(),
@@ -294,7 +296,7 @@ impl Default for Clipper {
     }
 }
 
-impl Clipper {
+impl FaceClipper {
     fn cut(&mut self, face: &mut [[u32; 3]], point: &impl Fn(u32) -> DVec3) {
         corners_of(face, &mut self.corners);
         let origin = point(self.corners[0]);
@@ -378,16 +380,16 @@ impl Clipper {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
     use super::*;
-    use crate::input::Options;
-    use crate::progress::Silent;
+    use crate::input::ReadOptions;
+    use crate::progress::SilentProgress;
     use std::path::Path;
 
     /// The triangles of faces over points in a plane.
     fn cut(points: &[[f64; 2]], faces: &[&[u32]]) -> Vec<[u32; 3]> {
         let mut list = FaceList::default();
         faces.iter().for_each(|face| list.push(face));
-        let (options, mut triangles) = (Options::default(), list.triangles.clone());
-        let mut job = Job::new(Path::new("a"), None, &options, &Silent);
+        let (options, mut triangles) = (ReadOptions::default(), list.triangles.clone());
+        let mut job = ReadJob::new(Path::new("a"), None, &options, &SilentProgress);
         // A plane on the slant.
         let point = |index: u32| {
             let [x, y] = points[index as usize];

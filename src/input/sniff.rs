@@ -1,12 +1,12 @@
 //! Decides the format: by content first, by the ending of the name when the content leaves it open.
 
-use super::job::Job;
-use super::text::{Scanner, parse_f64, words};
-use super::{Error, Warning};
+use super::job::ReadJob;
+use super::text::{TextScanner, parse_f64, words};
+use super::{Error, ReadWarning};
 
 /// A format with a reader; PLY tells its encoding itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum SniffedKind {
     Obj,
     Ply,
     StlAscii,
@@ -21,27 +21,27 @@ pub(super) enum Kind {
     Text,
 }
 
-impl Kind {
+impl SniffedKind {
     fn name(self) -> &'static str {
         match self {
-            Kind::Obj => "OBJ",
-            Kind::Ply => "PLY",
-            Kind::StlAscii | Kind::StlBinary => "STL",
-            Kind::Off => "OFF",
-            Kind::Tri => "TRI",
-            Kind::Gltf => "glTF",
-            Kind::Las => "LAS",
-            Kind::E57 => "E57",
-            Kind::Pcd => "PCD",
-            Kind::Text => "XYZ text",
+            SniffedKind::Obj => "OBJ",
+            SniffedKind::Ply => "PLY",
+            SniffedKind::StlAscii | SniffedKind::StlBinary => "STL",
+            SniffedKind::Off => "OFF",
+            SniffedKind::Tri => "TRI",
+            SniffedKind::Gltf => "glTF",
+            SniffedKind::Las => "LAS",
+            SniffedKind::E57 => "E57",
+            SniffedKind::Pcd => "PCD",
+            SniffedKind::Text => "XYZ text",
         }
     }
 }
 
 /// What the first bytes say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Content {
-    Known(Kind),
+enum SniffedContent {
+    Known(SniffedKind),
     /// A format without a reader, by name.
     Unread(&'static str),
     /// Lines that begin with a number: OFF without its keyword, TRI, XYZ.
@@ -58,23 +58,25 @@ pub(super) const STL_HEADER: usize = 84;
 pub(super) const STL_TRIANGLE: usize = 50;
 
 /// Chooses the reader. Warns when the ending says something else.
-pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
+pub(super) fn decide(job: &mut ReadJob<'_>, data: &[u8]) -> Result<SniffedKind, Error> {
     let ending = ending_of(job);
     let by_ending = match ending.as_str() {
-        "obj" => Some(Kind::Obj),
-        "ply" => Some(Kind::Ply),
+        "obj" => Some(SniffedKind::Obj),
+        "ply" => Some(SniffedKind::Ply),
         "stl" => Some(if is_text(data) {
-            Kind::StlAscii
+            SniffedKind::StlAscii
         } else {
-            Kind::StlBinary
+            SniffedKind::StlBinary
         }),
-        "off" | "coff" | "noff" | "cnoff" => Some(Kind::Off),
-        "tri" => Some(Kind::Tri),
-        "las" | "laz" => Some(Kind::Las),
-        "gltf" | "glb" => Some(Kind::Gltf),
-        "pcd" => Some(Kind::Pcd),
-        "e57" => Some(Kind::E57),
-        "xyz" | "xyzn" | "xyzrgb" | "pts" | "ptx" | "asc" | "txt" | "csv" => Some(Kind::Text),
+        "off" | "coff" | "noff" | "cnoff" => Some(SniffedKind::Off),
+        "tri" => Some(SniffedKind::Tri),
+        "las" | "laz" => Some(SniffedKind::Las),
+        "gltf" | "glb" => Some(SniffedKind::Gltf),
+        "pcd" => Some(SniffedKind::Pcd),
+        "e57" => Some(SniffedKind::E57),
+        "xyz" | "xyzn" | "xyzrgb" | "pts" | "ptx" | "asc" | "txt" | "csv" => {
+            Some(SniffedKind::Text)
+        }
         _ => None,
     };
     let unread_by_ending = match ending.as_str() {
@@ -88,31 +90,31 @@ pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
         path: job.path.to_owned(),
     };
     match content_of(data) {
-        Content::Known(kind) => {
+        SniffedContent::Known(kind) => {
             if by_ending.map_or(unread_by_ending.is_some(), |ending| {
                 ending.name() != kind.name()
             }) {
-                job.warn(Warning::EndingDisagrees {
+                job.warn(ReadWarning::EndingDisagrees {
                     ending,
                     format: kind.name(),
                 });
             }
             Ok(kind)
         }
-        Content::Unread(format) => Err(job.unread(format)),
-        Content::Numbers => match by_ending {
-            Some(kind @ (Kind::Off | Kind::Tri | Kind::Text)) => Ok(kind),
+        SniffedContent::Unread(format) => Err(job.unread(format)),
+        SniffedContent::Numbers => match by_ending {
+            Some(kind @ (SniffedKind::Off | SniffedKind::Tri | SniffedKind::Text)) => Ok(kind),
             other => {
                 if other.is_some() || unread_by_ending.is_some() {
-                    job.warn(Warning::EndingDisagrees {
+                    job.warn(ReadWarning::EndingDisagrees {
                         ending,
-                        format: Kind::Text.name(),
+                        format: SniffedKind::Text.name(),
                     });
                 }
-                Ok(Kind::Text)
+                Ok(SniffedKind::Text)
             }
         },
-        Content::Unclear => match (by_ending, unread_by_ending) {
+        SniffedContent::Unclear => match (by_ending, unread_by_ending) {
             (Some(kind), _) => Ok(kind),
             (None, Some(format)) => Err(job.unread(format)),
             (None, None) => Err(unknown()),
@@ -121,7 +123,7 @@ pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
 }
 
 /// The ending of the name in lower case, without `.gz`.
-fn ending_of(job: &Job<'_>) -> String {
+fn ending_of(job: &ReadJob<'_>) -> String {
     let name = job
         .path
         .file_name()
@@ -133,14 +135,14 @@ fn ending_of(job: &Job<'_>) -> String {
         .map_or(String::new(), |(_, ending)| ending.to_owned())
 }
 
-/// Whether the beginning has no control bytes but white space: text in ASCII, Latin-1 or UTF-8.
+/// Tells whether the beginning has no control bytes but white space: text in ASCII, Latin-1 or UTF-8.
 fn is_text(data: &[u8]) -> bool {
     data.iter()
         .take(1024)
         .all(|&byte| byte >= b' ' || byte.is_ascii_whitespace() || byte == 0x0b)
 }
 
-fn content_of(data: &[u8]) -> Content {
+fn content_of(data: &[u8]) -> SniffedContent {
     // A binary STL file has no mark: its header is free text, often beginning with `solid`. Its length is the only
     // proof, and a strong one: four bytes anywhere must agree with it.
     if data.len() > STL_HEADER
@@ -148,7 +150,7 @@ fn content_of(data: &[u8]) -> Content {
         && data.len() as u64
             == STL_HEADER as u64 + u64::from(u32::from_le_bytes(*count)) * STL_TRIANGLE as u64
     {
-        return Content::Known(Kind::StlBinary);
+        return SniffedContent::Known(SniffedKind::StlBinary);
     }
     let magics: [(&[u8], &'static str); 9] = [
         (b"QSplat", "a QSplat tree"),
@@ -162,32 +164,32 @@ fn content_of(data: &[u8]) -> Content {
         (b"\x1f\x8b", "a gzip file inside a gzip file"),
     ];
     if data.starts_with(b"glTF") {
-        return Content::Known(Kind::Gltf);
+        return SniffedContent::Known(SniffedKind::Gltf);
     }
     if data.starts_with(b"ASTM-E57") {
-        return Content::Known(Kind::E57);
+        return SniffedContent::Known(SniffedKind::E57);
     }
     if data.starts_with(b"# .PCD") {
-        return Content::Known(Kind::Pcd);
+        return SniffedContent::Known(SniffedKind::Pcd);
     }
     if data.starts_with(b"LASF") {
-        return Content::Known(Kind::Las);
+        return SniffedContent::Known(SniffedKind::Las);
     }
     if let Some((_, format)) = magics.iter().find(|(magic, _)| data.starts_with(magic)) {
-        return Content::Unread(format);
+        return SniffedContent::Unread(format);
     }
     if data.starts_with(b"ply") && data.get(3).is_none_or(u8::is_ascii_whitespace) {
-        return Content::Known(Kind::Ply);
+        return SniffedContent::Known(SniffedKind::Ply);
     }
     if !is_text(data) {
         // Binary OFF has a text keyword; everything else binary is known by now, or by its ending.
-        return Content::Unclear;
+        return SniffedContent::Unclear;
     }
     content_of_text(&data[..data.len().min(SNIFF_BYTES)])
 }
 
-fn content_of_text(data: &[u8]) -> Content {
-    let mut scanner = Scanner::new(data, 0);
+fn content_of_text(data: &[u8]) -> SniffedContent {
+    let mut scanner = TextScanner::new(data, 0);
     for _ in 0..SNIFF_LINES {
         let Some((line, _)) = scanner.meaningful_line() else {
             break;
@@ -197,24 +199,28 @@ fn content_of_text(data: &[u8]) -> Content {
             continue;
         };
         if is_off_keyword(word) {
-            return Content::Known(Kind::Off);
+            return SniffedContent::Known(SniffedKind::Off);
         }
         let mut fields = word.split(|byte| b",;".contains(byte));
         if fields.next().and_then(parse_f64).is_some() {
-            return Content::Numbers;
+            return SniffedContent::Numbers;
         }
         return match word {
             b"v" | b"vn" | b"vt" | b"vp" | b"f" | b"o" | b"g" | b"s" | b"l" | b"p" | b"mtllib"
-            | b"usemtl" | b"usemap" | b"maplib" => Content::Known(Kind::Obj),
-            b"VERSION" | b"FIELDS" if line_words.next().is_some() => Content::Known(Kind::Pcd),
-            _ if word.eq_ignore_ascii_case(b"solid") => Content::Known(Kind::StlAscii),
-            _ if word.starts_with(b"{") && contains(data, b"\"asset\"") => {
-                Content::Known(Kind::Gltf)
+            | b"usemtl" | b"usemap" | b"maplib" => SniffedContent::Known(SniffedKind::Obj),
+            b"VERSION" | b"FIELDS" if line_words.next().is_some() => {
+                SniffedContent::Known(SniffedKind::Pcd)
             }
-            _ => Content::Unclear,
+            _ if word.eq_ignore_ascii_case(b"solid") => {
+                SniffedContent::Known(SniffedKind::StlAscii)
+            }
+            _ if word.starts_with(b"{") && contains(data, b"\"asset\"") => {
+                SniffedContent::Known(SniffedKind::Gltf)
+            }
+            _ => SniffedContent::Unclear,
         };
     }
-    Content::Unclear
+    SniffedContent::Unclear
 }
 
 /// `OFF` with the prefixes of Geomview: `ST`, `C`, `N`, `4`, `n`, in this order.
@@ -236,21 +242,36 @@ mod tests {
 
     #[test]
     fn content_names_the_format() {
-        let cases: [(&[u8], Content); 14] = [
-            (b"ply\nformat ascii 1.0\n", Content::Known(Kind::Ply)),
-            (b"# c\r\n\r\nmtllib a.mtl\r\n", Content::Known(Kind::Obj)),
-            (b"v 1 2 3", Content::Known(Kind::Obj)),
-            (b"# c\n STCN4nOFF # x\n", Content::Known(Kind::Off)),
-            (b"solid a\nfacet normal", Content::Known(Kind::StlAscii)),
-            (b"1 2 3\n", Content::Numbers),
-            (b"{\"scene\":0,\"asset\":{}}", Content::Known(Kind::Gltf)),
-            (b"VERSION .7\n", Content::Known(Kind::Pcd)),
-            (b"QSplat11....", Content::Unread("a QSplat tree")),
-            (b"LASF", Content::Known(Kind::Las)),
-            (b"plywood\n", Content::Unclear),
-            (b"hello\n", Content::Unclear),
-            (b"\x00\x01\x02", Content::Unclear),
-            (b"", Content::Unclear),
+        let cases: [(&[u8], SniffedContent); 14] = [
+            (
+                b"ply\nformat ascii 1.0\n",
+                SniffedContent::Known(SniffedKind::Ply),
+            ),
+            (
+                b"# c\r\n\r\nmtllib a.mtl\r\n",
+                SniffedContent::Known(SniffedKind::Obj),
+            ),
+            (b"v 1 2 3", SniffedContent::Known(SniffedKind::Obj)),
+            (
+                b"# c\n STCN4nOFF # x\n",
+                SniffedContent::Known(SniffedKind::Off),
+            ),
+            (
+                b"solid a\nfacet normal",
+                SniffedContent::Known(SniffedKind::StlAscii),
+            ),
+            (b"1 2 3\n", SniffedContent::Numbers),
+            (
+                b"{\"scene\":0,\"asset\":{}}",
+                SniffedContent::Known(SniffedKind::Gltf),
+            ),
+            (b"VERSION .7\n", SniffedContent::Known(SniffedKind::Pcd)),
+            (b"QSplat11....", SniffedContent::Unread("a QSplat tree")),
+            (b"LASF", SniffedContent::Known(SniffedKind::Las)),
+            (b"plywood\n", SniffedContent::Unclear),
+            (b"hello\n", SniffedContent::Unclear),
+            (b"\x00\x01\x02", SniffedContent::Unclear),
+            (b"", SniffedContent::Unclear),
         ];
         for (data, wanted) in cases {
             assert_eq!(content_of(data), wanted, "{}", data.escape_ascii());
@@ -263,10 +284,13 @@ mod tests {
         data.resize(80, b' ');
         data.extend(2_u32.to_le_bytes());
         data.resize(84 + 100, 0);
-        assert_eq!(content_of(&data), Content::Known(Kind::StlBinary));
+        assert_eq!(
+            content_of(&data),
+            SniffedContent::Known(SniffedKind::StlBinary)
+        );
         // Cut short it is not proven any more, but its zero bytes say that it is no text.
         data.pop();
-        assert_eq!(content_of(&data), Content::Unclear);
+        assert_eq!(content_of(&data), SniffedContent::Unclear);
         assert!(!is_text(&data));
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use flate2::bufread::MultiGzDecoder;
 
-use super::job::Job;
+use super::job::ReadJob;
 use super::{Error, InputStream};
 use crate::progress::Progress;
 
@@ -75,13 +75,13 @@ pub(super) fn read_all(
     }
 }
 
-/// Whether the bytes begin like a gzip file (RFC 1952).
+/// Tells whether the bytes begin like a gzip file (RFC 1952).
 pub(super) fn is_gzip(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x1f, 0x8b])
 }
 
 /// Unpacks a gzip file of one or more members, within the limits.
-pub(super) fn unpack(job: &Job<'_>, packed: &[u8]) -> Result<Vec<u8>, Error> {
+pub(super) fn unpack(job: &ReadJob<'_>, packed: &[u8]) -> Result<Vec<u8>, Error> {
     job.progress.stage("unpack", packed.len() as u64);
     let by_ratio = (packed.len() as u64)
         .saturating_mul(LARGEST_RATIO)

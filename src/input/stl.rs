@@ -6,23 +6,23 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::assemble::{Coordinates, Raw};
-use super::job::{Job, at_line};
-use super::part::{Fault, PartFate};
+use super::assemble::{FileCoordinates, RawMesh};
+use super::job::{ReadJob, at_line};
+use super::part::{PartFate, PartFault};
 use super::polygon::FaceList;
 use super::sniff::{STL_HEADER, STL_TRIANGLE};
-use super::text::{Scanner, parse_f64, shown};
-use super::{Counts, Error, Place, Warning};
+use super::text::{TextScanner, parse_f64, shown};
+use super::{Error, FileCounts, FilePlace, ReadWarning};
 
 /// Triangles per parallel piece.
 const PIECE: usize = 1 << 14;
 
-fn raw(coordinates: Coordinates, colors: Vec<[u8; 4]>, list: FaceList) -> Raw {
-    let counts = Counts {
+fn raw(coordinates: FileCoordinates, colors: Vec<[u8; 4]>, list: FaceList) -> RawMesh {
+    let counts = FileCounts {
         vertices: coordinates.len() as u64,
         faces: list.faces,
     };
-    Raw {
+    RawMesh {
         coordinates,
         normals: Vec::new(),
         absent_normals: 0,
@@ -36,14 +36,14 @@ fn raw(coordinates: Coordinates, colors: Vec<[u8; 4]>, list: FaceList) -> Raw {
 
 /// Reads the binary kind: 80 bytes of free text, a count, 50 bytes a triangle (normal, corners, 16 bits of color). A
 /// count that contradicts the size is not believed, but a file that ends within a triangle is refused.
-pub(super) fn read_binary(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
+pub(super) fn read_binary(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
     let promised = data
         .get(80..)
         .and_then(|rest| rest.first_chunk::<4>())
         .map(|bytes| u32::from_le_bytes(*bytes));
     let Some(promised) = promised else {
         return Err(job.truncated(
-            Place::Byte(data.len() as u64),
+            FilePlace::Byte(data.len() as u64),
             "a binary STL file begins with 84 bytes",
         ));
     };
@@ -66,12 +66,12 @@ pub(super) fn read_binary(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> 
     if is_cut || (count == 0 && promised > 0) {
         let size = body.len();
         return Err(job.truncated(
-            Place::Byte(data.len() as u64),
+            FilePlace::Byte(data.len() as u64),
             format!("{promised} triangles need {needed} bytes after the header, there are {size}"),
         ));
     }
     if count != u64::from(promised) {
-        job.warn(Warning::CountContradicts {
+        job.warn(ReadWarning::CountContradicts {
             what: "triangles",
             promised: u64::from(promised),
             found: count,
@@ -79,7 +79,9 @@ pub(super) fn read_binary(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> 
     }
     job.check_vertices(count * 3)?;
     let (body, rest) = body.split_at(count as usize * STL_TRIANGLE);
-    job.warn_count(rest.len() as u64, |bytes| Warning::TrailingBytes { bytes });
+    job.warn_count(rest.len() as u64, |bytes| ReadWarning::TrailingBytes {
+        bytes,
+    });
 
     let mut corners = vec![Vec3::ZERO; count as usize * 3];
     corners
@@ -104,10 +106,10 @@ pub(super) fn read_binary(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> 
     };
     list_facets(job, count);
     let colors = colors_of(job, header, body, count);
-    Ok(raw(Coordinates::Single(corners), colors, list))
+    Ok(raw(FileCoordinates::Single(corners), colors, list))
 }
 
-fn list_facets(job: &mut Job<'_>, count: u64) {
+fn list_facets(job: &mut ReadJob<'_>, count: u64) {
     let inventory = &mut job.inventory;
     inventory.add("facets", count, PartFate::Used, "");
     let computed = "computed from the corners";
@@ -119,7 +121,7 @@ fn list_facets(job: &mut Job<'_>, count: u64) {
 /// VisCAM and SolidView: bit 15 says that there is a color, of 5 bits each, blue in the lowest. Materialise Magics: the
 /// header has `COLOR=` and four bytes, the color of the part; bit 15 says that a triangle has it, otherwise its own color
 /// has red in the lowest bits.
-fn colors_of(job: &mut Job<'_>, header: &[u8], body: &[u8], count: u64) -> Vec<[u8; 4]> {
+fn colors_of(job: &mut ReadJob<'_>, header: &[u8], body: &[u8], count: u64) -> Vec<[u8; 4]> {
     const HAS_COLOR: u16 = 1 << 15;
     let part = header
         .windows(6)
@@ -176,8 +178,8 @@ fn colors_of(job: &mut Job<'_>, header: &[u8], body: &[u8], count: u64) -> Vec<[
 
 /// Reads the text kind. Several solids in one file are one mesh; a loop may have more than three corners. Normals and end
 /// marks decide nothing: what is wrong with them is a remark.
-pub(super) fn read_ascii(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
-    let mut scanner = Scanner::new(data, 0);
+pub(super) fn read_ascii(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
+    let mut scanner = TextScanner::new(data, 0);
     let mut corners: Vec<DVec3> = Vec::new();
     let mut list = FaceList::default();
     // Where the open loop began, and whether a solid is open.
@@ -207,29 +209,29 @@ pub(super) fn read_ascii(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         } else if is_end_mark(word) {
             let end = EndMark::of(word, &mut scanner, loop_start.is_some());
             if !end.is_exact {
-                job.fault(Fault::END_MARK, data, at);
+                job.fault(PartFault::END_MARK, data, at);
             }
-            if loop_start.is_some() && end.what != Ended::Loop {
+            if loop_start.is_some() && end.what != ModelEnd::Loop {
                 let reason = format!("`{}` before `endloop`", shown(word));
                 return Err(job.syntax(place(), reason));
             }
             match end.what {
-                Ended::Loop => {
+                ModelEnd::Loop => {
                     let Some(start) = loop_start.take() else {
                         return Err(job.syntax(place(), "`endloop` without `outer loop`"));
                     };
                     job.check_vertices(corners.len() as u64)?;
                     close_loop(&mut corners, start, &mut list);
                 }
-                Ended::Facet => {}
-                Ended::Solid => {
+                ModelEnd::Facet => {}
+                ModelEnd::Solid => {
                     skip_name(&mut scanner);
                     in_solid = false;
                 }
             }
         } else {
             // Colors and other additions.
-            job.fault(Fault::LINE, data, at);
+            job.fault(PartFault::LINE, data, at);
             skip_name(&mut scanner);
         }
         job.reach(scanner.at)?;
@@ -238,13 +240,13 @@ pub(super) fn read_ascii(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         return Err(job.truncated(at_line(data, data.len()), "`endloop` is missing"));
     }
     if in_solid {
-        job.fault(Fault::NO_END, data, data.len());
+        job.fault(PartFault::NO_END, data, data.len());
     }
     list.warn(job);
     job.inventory
         .add("solid", solids, PartFate::Used, "all are one mesh");
     list_facets(job, list.faces);
-    Ok(raw(Coordinates::Double(corners), Vec::new(), list))
+    Ok(raw(FileCoordinates::Double(corners), Vec::new(), list))
 }
 
 /// Makes a face of the vertices from `start`.
@@ -272,7 +274,7 @@ fn is_end_mark(word: &[u8]) -> bool {
 
 /// What an end mark ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Ended {
+enum ModelEnd {
     Loop,
     Facet,
     Solid,
@@ -280,17 +282,17 @@ enum Ended {
 
 /// A word that begins with `end`, in one word or two.
 struct EndMark {
-    what: Ended,
+    what: ModelEnd,
     /// Spelt as the format wants it.
     is_exact: bool,
 }
 
 impl EndMark {
-    fn of(word: &[u8], scanner: &mut Scanner<'_>, in_loop: bool) -> Self {
-        const MARKS: [(&[u8], Ended); 3] = [
-            (b"loop", Ended::Loop),
-            (b"facet", Ended::Facet),
-            (b"solid", Ended::Solid),
+    fn of(word: &[u8], scanner: &mut TextScanner<'_>, in_loop: bool) -> Self {
+        const MARKS: [(&[u8], ModelEnd); 3] = [
+            (b"loop", ModelEnd::Loop),
+            (b"facet", ModelEnd::Facet),
+            (b"solid", ModelEnd::Solid),
         ];
         let named = |name: &[u8]| {
             let mark = MARKS.iter().find(|mark| name.eq_ignore_ascii_case(mark.0));
@@ -308,7 +310,11 @@ impl EndMark {
             Some(what) if word.len() == 3 => what,
             _ => {
                 *scanner = after_word;
-                if in_loop { Ended::Loop } else { Ended::Facet }
+                if in_loop {
+                    ModelEnd::Loop
+                } else {
+                    ModelEnd::Facet
+                }
             }
         };
         Self {
@@ -319,7 +325,7 @@ impl EndMark {
 }
 
 /// Passes the normal of a facet, which is not used: up to three words of numbers.
-fn facet_normal(job: &mut Job<'_>, scanner: &mut Scanner<'_>) {
+fn facet_normal(job: &mut ReadJob<'_>, scanner: &mut TextScanner<'_>) {
     let start = scanner.at;
     let mut numbers = 0;
     let mut is_good = scanner
@@ -345,16 +351,20 @@ fn facet_normal(job: &mut Job<'_>, scanner: &mut Scanner<'_>) {
         numbers += 1;
     }
     if !(is_good && numbers == 3) {
-        job.fault(Fault::NORMAL, scanner.data, start);
+        job.fault(PartFault::NORMAL, scanner.data, start);
     }
 }
 
 /// Skips the rest of the line, unless the line has ended with the word just read.
-fn skip_name(scanner: &mut Scanner<'_>) {
+fn skip_name(scanner: &mut TextScanner<'_>) {
     scanner.line();
 }
 
-fn expect(job: &Job<'_>, scanner: &mut Scanner<'_>, keyword: &'static [u8]) -> Result<(), Error> {
+fn expect(
+    job: &ReadJob<'_>,
+    scanner: &mut TextScanner<'_>,
+    keyword: &'static [u8],
+) -> Result<(), Error> {
     let name = String::from_utf8_lossy(keyword);
     match scanner.word() {
         Some((word, _)) if word.eq_ignore_ascii_case(keyword) => Ok(()),
@@ -369,7 +379,7 @@ fn expect(job: &Job<'_>, scanner: &mut Scanner<'_>, keyword: &'static [u8]) -> R
     }
 }
 
-fn three_numbers(job: &Job<'_>, scanner: &mut Scanner<'_>) -> Result<DVec3, Error> {
+fn three_numbers(job: &ReadJob<'_>, scanner: &mut TextScanner<'_>) -> Result<DVec3, Error> {
     let mut numbers = [0.0; 3];
     for number in &mut numbers {
         let Some((word, at)) = scanner.word() else {

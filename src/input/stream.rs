@@ -1,10 +1,10 @@
 //! Models that are read piece by piece from a file: binary PLY, LAS and LAZ. Their rows have a fixed size, or an index tells
 //! where they are, so that no more than a piece is in memory.
 
-use super::job::Job;
-use super::{Error, Format, Options, Warning, source};
+use super::job::ReadJob;
+use super::{Error, Format, ReadOptions, ReadWarning, source};
 use crate::mesh::stream::{MeshStream, StreamError};
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ pub struct StreamedModel {
     /// Size of the file in bytes.
     pub file_bytes: u64,
     /// What was repaired or left out, as far as the beginning of the file tells.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ReadWarning>,
 }
 
 impl std::fmt::Debug for StreamedModel {
@@ -41,7 +41,7 @@ const HEAD: u64 = 1 << 20;
 /// The file cannot be opened, or its header is damaged.
 pub fn open_stream(
     path: &Path,
-    options: &Options,
+    options: &ReadOptions,
     progress: &dyn Progress,
 ) -> Result<Option<StreamedModel>, Error> {
     if path == Path::new("-") {
@@ -50,7 +50,7 @@ pub fn open_stream(
     let (file, length) = source::open_file(path)?;
     let rows = RowFile::new(path, file, length);
     let head = rows.read(0, length.min(HEAD))?;
-    let mut job = Job::new(path, None, options, &Silent);
+    let mut job = ReadJob::new(path, None, options, &SilentProgress);
     if head.starts_with(b"ply") {
         super::ply::open_stream(&mut job, rows, &head)
     } else if head.starts_with(b"LASF") && options.color.is_none() {

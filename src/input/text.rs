@@ -4,13 +4,13 @@
 
 /// Reads words and lines of a byte slice. Never panics; at the end every reader returns `None`.
 #[derive(Debug, Clone)]
-pub(super) struct Scanner<'a> {
+pub(super) struct TextScanner<'a> {
     pub(super) data: &'a [u8],
     /// Offset of the next byte, at most `data.len()`.
     pub(super) at: usize,
 }
 
-impl<'a> Scanner<'a> {
+impl<'a> TextScanner<'a> {
     pub(super) fn new(data: &'a [u8], at: usize) -> Self {
         Self {
             data,
@@ -260,7 +260,7 @@ mod tests {
     #[test]
     fn lines_end_in_three_ways_and_are_counted_the_same() {
         let data = b"a\nb\r\nc\rd\r\n\r\nf";
-        let mut scanner = Scanner::new(data, 0);
+        let mut scanner = TextScanner::new(data, 0);
         let mut lines = Vec::new();
         while let Some((line, at)) = scanner.line() {
             lines.push((String::from_utf8(line.to_vec()).unwrap(), line_of(data, at)));
@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn words_report_their_place() {
-        let mut scanner = Scanner::new(b"  ab\tc\r\n", 0);
+        let mut scanner = TextScanner::new(b"  ab\tc\r\n", 0);
         assert_eq!(scanner.word(), Some((&b"ab"[..], 2)));
         assert_eq!(scanner.word(), Some((&b"c"[..], 5)));
         assert_eq!(scanner.word(), None);

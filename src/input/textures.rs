@@ -10,11 +10,11 @@ use glam::Vec2;
 use image::{DynamicImage, ImageFormat, ImageReader};
 use rayon::prelude::*;
 
-use super::job::Job;
+use super::job::ReadJob;
 use super::part::PartFate;
 use super::points::guarded;
 use super::text::shown;
-use super::{Error, Warning};
+use super::{Error, ReadWarning};
 use crate::mesh::Mesh;
 use crate::textures::capacity::{JPEG_PIXELS_A_BYTE, PNG_PIXELS_A_BYTE, can_hold};
 use crate::textures::{MeshTextures, NO_IMAGE, TextureImage, TextureLevel, WrapMode};
@@ -120,7 +120,7 @@ impl RawTextures {
     ///
     /// # Errors
     /// [`Error::Cancelled`].
-    pub(super) fn join(mut self, job: &mut Job<'_>, mesh: &mut Mesh) -> Result<(), Error> {
+    pub(super) fn join(mut self, job: &mut ReadJob<'_>, mesh: &mut Mesh) -> Result<(), Error> {
         self.resize(mesh.triangles.len());
         self.sources.truncate(MOST_IMAGES);
         let mut counts = vec![0_u64; self.sources.len()];
@@ -165,7 +165,7 @@ impl RawTextures {
             }
         }
         if let Some((name, reason)) = missing.first() {
-            job.warn(Warning::TextureMissing {
+            job.warn(ReadWarning::TextureMissing {
                 name: shown(name.as_bytes()),
                 reason: reason.clone(),
                 others: missing.len() as u64 - 1,
@@ -175,7 +175,7 @@ impl RawTextures {
             .iter()
             .filter(|image| image.size() != image.file_size());
         let count = reduced.count() as u64;
-        job.warn_count(count, |count| Warning::TexturesReduced {
+        job.warn_count(count, |count| ReadWarning::TexturesReduced {
             count,
             budget: job.options.limits.texture_bytes,
         });
@@ -196,7 +196,7 @@ impl RawTextures {
 
 /// Image by image what was decoded, or why not; none of those that nobody needs.
 fn decode_all(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     sources: &[Option<&ImageSource>],
 ) -> Vec<Option<Result<TextureImage, String>>> {
     let opened: Vec<Option<Result<OpenedImage<'_>, String>>> = sources

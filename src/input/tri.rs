@@ -12,17 +12,17 @@
 
 use glam::{DVec3, Vec3};
 
-use super::assemble::{Coordinates, Raw};
+use super::assemble::{FileCoordinates, RawMesh};
 use super::color::{ColorRange, ColorSink};
-use super::job::{Job, at_line};
-use super::part::{Fault, PartFate};
+use super::job::{ReadJob, at_line};
+use super::part::{PartFate, PartFault};
 use super::polygon::PolygonRuns;
-use super::text::{Scanner, parse_f64, parse_i64, shown, words};
-use super::{Counts, Error, Warning};
+use super::text::{TextScanner, parse_f64, parse_i64, shown, words};
+use super::{Error, FileCounts, ReadWarning};
 
 /// Reads a TRI file of either kind, told apart by the first line.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
-    let mut scanner = Scanner::new(data, 0);
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
+    let mut scanner = TextScanner::new(data, 0);
     let Some((line, at)) = scanner.meaningful_line() else {
         return Err(job.empty("the file has no vertices"));
     };
@@ -40,12 +40,12 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
 }
 
 fn read_public(
-    job: &mut Job<'_>,
-    mut scanner: Scanner<'_>,
+    job: &mut ReadJob<'_>,
+    mut scanner: TextScanner<'_>,
     header: usize,
     vertices: u64,
     triangles: u64,
-) -> Result<Raw, Error> {
+) -> Result<RawMesh, Error> {
     let data = scanner.data;
     job.check_vertices(vertices)?;
     let left = (data.len() - scanner.at) as u64 + 1;
@@ -55,7 +55,7 @@ fn read_public(
             format!("{vertices} vertices and {triangles} triangles need at least {needed} bytes");
         return Err(job.truncated(at_line(data, header), text));
     }
-    let missing = |job: &Job<'_>, what: &str| {
+    let missing = |job: &ReadJob<'_>, what: &str| {
         job.truncated(at_line(data, data.len()), format!("{what} are missing"))
     };
     let mut positions = Vec::with_capacity(vertices as usize);
@@ -99,14 +99,14 @@ fn read_public(
     inventory.add_some("normals", normals.len() as u64, PartFate::Used, "");
     inventory.add_some("colors", colors.colors.len() as u64, PartFate::Used, "");
     inventory.add("triangles", triangles, PartFate::Used, "");
-    Ok(Raw {
-        coordinates: Coordinates::Double(positions),
+    Ok(RawMesh {
+        coordinates: FileCoordinates::Double(positions),
         normals,
         absent_normals: 0,
         colors: colors.colors,
         triangles: indices,
         polygons: PolygonRuns::default(),
-        counts: Counts {
+        counts: FileCounts {
             vertices,
             faces: triangles,
         },
@@ -116,32 +116,34 @@ fn read_public(
 
 /// A part of Benda's kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Part {
+enum TrianglePart {
     Vertices,
     Normals,
     Triangles,
     Other,
 }
 
-impl Part {
-    fn of(title: &[u8]) -> Part {
+impl TrianglePart {
+    fn of(title: &[u8]) -> TrianglePart {
         let letters: Vec<u8> = title
             .iter()
             .filter(|byte| byte.is_ascii_alphabetic())
             .map(u8::to_ascii_lowercase)
             .collect();
         match &letters[..] {
-            b"vertices" | b"vertex" => Part::Vertices,
-            b"verticesnormals" | b"vertexnormals" | b"verticesnormal" | b"normals" => Part::Normals,
-            b"triangles" | b"triangle" | b"faces" => Part::Triangles,
-            _ => Part::Other,
+            b"vertices" | b"vertex" => TrianglePart::Vertices,
+            b"verticesnormals" | b"vertexnormals" | b"verticesnormal" | b"normals" => {
+                TrianglePart::Normals
+            }
+            b"triangles" | b"triangle" | b"faces" => TrianglePart::Triangles,
+            _ => TrianglePart::Other,
         }
     }
 }
 
-fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
-    let mut scanner = Scanner::new(data, 0);
-    let mut part = Part::Other;
+fn read_parts(job: &mut ReadJob<'_>, data: &[u8]) -> Result<RawMesh, Error> {
+    let mut scanner = TextScanner::new(data, 0);
+    let mut part = TrianglePart::Other;
     let mut positions: Vec<DVec3> = Vec::new();
     let mut normals: Vec<Vec3> = Vec::new();
     let mut indices: Vec<([i64; 3], usize)> = Vec::new();
@@ -154,8 +156,8 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         if line[0].is_ascii_alphabetic()
             && parse_f64(words(line).next().unwrap_or_default()).is_none()
         {
-            part = Part::of(line);
-            if part == Part::Other {
+            part = TrianglePart::of(line);
+            if part == TrianglePart::Other {
                 job.inventory.add(
                     format!("part `{}`", shown(line)),
                     1,
@@ -164,10 +166,10 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
                 );
                 job.inventory.leave_out(format!("part `{}`", shown(line)));
             }
-            has_triangles |= part == Part::Triangles;
+            has_triangles |= part == TrianglePart::Triangles;
             at_start = true;
             // A count on the same line is its only word of digits.
-            if part != Part::Other
+            if part != TrianglePart::Other
                 && let Some(count) = words(line).find_map(|word| parse_i64(word.trim_ascii()))
             {
                 stated[part as usize] = Some(count.max(0) as u64);
@@ -175,7 +177,7 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
             }
             continue;
         }
-        if part == Part::Other {
+        if part == TrianglePart::Other {
             continue;
         }
         let mut line_words = words(line);
@@ -188,14 +190,14 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
             stated[part as usize] = Some(count as u64);
             continue;
         }
-        if part == Part::Triangles {
+        if part == TrianglePart::Triangles {
             indices.push((triangle_of(job, data, line, at)?, at));
             continue;
         }
-        if part == Part::Normals {
+        if part == TrianglePart::Normals {
             let (row, found) = numbers_of(job, data, line, at, 0)?;
             if found != 3 {
-                job.fault(Fault::NORMAL, data, at);
+                job.fault(PartFault::NORMAL, data, at);
             }
             normals.push(DVec3::new(row[0], row[1], row[2]).as_vec3());
             continue;
@@ -217,7 +219,7 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         if let Some(promised) = stated
             && promised != found
         {
-            job.warn(Warning::CountContradicts {
+            job.warn(ReadWarning::CountContradicts {
                 what,
                 promised,
                 found,
@@ -233,11 +235,11 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         return Err(job.syntax(at_line(data, data.len()), "the part `Triangles` is missing"));
     }
     if normals.is_empty() {
-        job.warn(Warning::PartMissing {
+        job.warn(ReadWarning::PartMissing {
             what: "the part `Vertices' Normals` is",
         });
     } else if normals.len() as u64 != vertices {
-        job.warn(Warning::CountContradicts {
+        job.warn(ReadWarning::CountContradicts {
             what: "vertices with a normal",
             promised: vertices,
             found: normals.len() as u64,
@@ -249,21 +251,21 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         corners().any(|&corner| corner == vertices as i64) && !corners().any(|&corner| corner == 0);
     let faces = indices.len() as u64;
     let triangles = check_indices(job, data, indices, vertices, u32::from(one_based))?;
-    Ok(Raw {
-        coordinates: Coordinates::Double(positions),
+    Ok(RawMesh {
+        coordinates: FileCoordinates::Double(positions),
         normals,
         absent_normals: 0,
         colors: Vec::new(),
         triangles,
         polygons: PolygonRuns::default(),
-        counts: Counts { vertices, faces },
+        counts: FileCounts { vertices, faces },
         textures: None,
     })
 }
 
 /// The numbers of a line, at most nine, and how many there are; a word after the first `needed` that is no number is zero.
 fn numbers_of(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     line: &[u8],
     at: usize,
@@ -275,7 +277,7 @@ fn numbers_of(
         let number = match parse_f64(word) {
             Some(number) => number,
             None if found >= needed => {
-                job.fault(Fault::EXTRA, data, at);
+                job.fault(PartFault::EXTRA, data, at);
                 0.0
             }
             None => return Err(job.number(at_line(data, at), word, "a number")),
@@ -288,7 +290,7 @@ fn numbers_of(
     Ok((row, found))
 }
 
-fn triangle_of(job: &Job<'_>, data: &[u8], line: &[u8], at: usize) -> Result<[i64; 3], Error> {
+fn triangle_of(job: &ReadJob<'_>, data: &[u8], line: &[u8], at: usize) -> Result<[i64; 3], Error> {
     let mut triangle = [0; 3];
     let mut line_words = words(line);
     for corner in &mut triangle {
@@ -300,7 +302,7 @@ fn triangle_of(job: &Job<'_>, data: &[u8], line: &[u8], at: usize) -> Result<[i6
 }
 
 fn check_indices(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     data: &[u8],
     indices: Vec<([i64; 3], usize)>,
     vertices: u64,

@@ -5,12 +5,12 @@ use std::fmt;
 
 use glam::DVec3;
 
-use super::Place;
+use super::FilePlace;
 
 /// A remark about a file that could be read all the same. Counts are of the whole file.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub enum Warning {
+pub enum ReadWarning {
     /// The ending of the name says one format, the content another; the content was believed.
     EndingDisagrees {
         /// The ending, without the dot.
@@ -61,7 +61,7 @@ pub enum Warning {
     },
     /// A material file could not be read; its colors are missing.
     MaterialFileMissing {
-        /// Its name as written in the model.
+        /// Name as written in the model.
         name: String,
         /// Why.
         reason: String,
@@ -110,7 +110,7 @@ pub enum Warning {
         /// How often.
         count: u64,
         /// The first.
-        place: Place,
+        place: FilePlace,
     },
     /// The header counts something else than the file holds; what is there was read.
     CountContradicts {
@@ -140,7 +140,7 @@ pub enum Warning {
     },
     /// Colors stand for an attribute.
     ColoredBy {
-        /// Its name.
+        /// Name of the attribute.
         name: String,
         /// What the colors mean.
         meaning: String,
@@ -165,7 +165,7 @@ pub enum Warning {
     },
     /// Parts that would change the picture were left out.
     LeftOut {
-        /// Their names.
+        /// Names of the parts.
         parts: Vec<String>,
     },
     /// A trained Gaussian-splat file, drawn as the points in the middle of the splats.
@@ -202,12 +202,12 @@ pub enum Warning {
     },
     /// A part that the format asks for is missing; the mesh is usable without.
     PartMissing {
-        /// Its name.
+        /// Name of the part.
         what: &'static str,
     },
 }
 
-impl fmt::Display for Warning {
+impl fmt::Display for ReadWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let words = RawWarning(self).to_string();
         f.write_str(&printable(&words, MOST_WARNING_CHARS))
@@ -218,93 +218,93 @@ impl fmt::Display for Warning {
 const MOST_WARNING_CHARS: usize = 2000;
 
 /// A warning with the words of the file as they are.
-struct RawWarning<'a>(&'a Warning);
+struct RawWarning<'a>(&'a ReadWarning);
 
 impl fmt::Display for RawWarning<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            Warning::EndingDisagrees { ending, format } => {
+            ReadWarning::EndingDisagrees { ending, format } => {
                 write!(
                     f,
                     "the name ends in .{ending}, but the content is {format}; read as {format}"
                 )
             }
-            Warning::NotFiniteDropped {
+            ReadWarning::NotFiniteDropped {
                 vertices,
                 triangles,
             } => write!(
                 f,
                 "{vertices} vertices without finite coordinates left out, with {triangles} triangles"
             ),
-            Warning::NormalsUnknown { count } => {
+            ReadWarning::NormalsUnknown { count } => {
                 write!(f, "{count} normals have no direction; treated as unknown")
             }
-            Warning::FacesTooSmall { count } => {
+            ReadWarning::FacesTooSmall { count } => {
                 write!(f, "{count} faces with fewer than three corners left out")
             }
-            Warning::FirstCornerRepeated { count } => write!(
+            ReadWarning::FirstCornerRepeated { count } => write!(
                 f,
                 "{count} faces name their first corner again at their end; it counts once"
             ),
-            Warning::PolygonsTooLong { count, most } => write!(
+            ReadWarning::PolygonsTooLong { count, most } => write!(
                 f,
                 "{count} faces of over {most} corners are drawn as fans; where they are concave, divide them"
             ),
-            Warning::PartsIgnored { what, count } => write!(f, "{count} {what} left out"),
-            Warning::TrailingBytes { bytes } => {
+            ReadWarning::PartsIgnored { what, count } => write!(f, "{count} {what} left out"),
+            ReadWarning::TrailingBytes { bytes } => {
                 write!(f, "{bytes} bytes after the end of the model ignored")
             }
-            Warning::MaterialFileMissing { name, reason } => {
+            ReadWarning::MaterialFileMissing { name, reason } => {
                 write!(
                     f,
                     "material file `{name}` not read ({reason}); its colors are missing"
                 )
             }
-            Warning::MaterialUnknown { name, count } => {
+            ReadWarning::MaterialUnknown { name, count } => {
                 write!(
                     f,
                     "{count} materials are not defined, the first is `{name}`; their faces are white"
                 )
             }
-            Warning::TextureIgnored { name, count } => {
+            ReadWarning::TextureIgnored { name, count } => {
                 write!(f, "{count} textures ignored, the first is `{name}`")
             }
-            Warning::TextureMissing {
+            ReadWarning::TextureMissing {
                 name,
                 reason,
                 others: 0,
             } => write!(f, "texture `{name}` not read: {reason}"),
-            Warning::TextureMissing {
+            ReadWarning::TextureMissing {
                 name,
                 reason,
                 others,
             } => write!(f, "texture `{name}` and {others} others not read: {reason}"),
-            Warning::TexturesReduced { count, budget } => write!(
+            ReadWarning::TexturesReduced { count, budget } => write!(
                 f,
                 "{count} textures are kept at a smaller size: all may take {} MiB",
                 budget >> 20
             ),
-            Warning::OriginMoved { origin } => write!(
+            ReadWarning::OriginMoved { origin } => write!(
                 f,
                 "coordinates are large against the extent; stored relative to ({}, {}, {})",
                 origin.x, origin.y, origin.z
             ),
-            Warning::PartFaulty {
+            ReadWarning::PartFaulty {
                 what,
                 outcome,
                 count,
                 place,
             } => match (count, place) {
                 // The phrases are in the plural, or say what is missing.
-                (1, Place::Line(line)) => write!(f, "line {line}: {what}; {outcome}"),
-                (_, Place::Line(line)) => {
+                (1, FilePlace::Line(line)) => write!(f, "line {line}: {what}; {outcome}"),
+                (_, FilePlace::Line(line)) => {
                     write!(f, "{count} {what}, the first on line {line}; {outcome}")
                 }
-                (_, Place::Byte(byte)) => {
+                (_, FilePlace::Byte(byte)) => {
                     write!(f, "{count} {what}, the first at byte {byte}; {outcome}")
                 }
             },
-            Warning::CountContradicts {
+            ReadWarning::CountContradicts {
                 what,
                 promised,
                 found,
@@ -317,54 +317,54 @@ impl fmt::Display for RawWarning<'_> {
                     ""
                 }
             ),
-            Warning::ColorRange { largest } => {
+            ReadWarning::ColorRange { largest } => {
                 write!(
                     f,
                     "colors are read as numbers of 0 to {largest}, as their values say"
                 )
             }
-            Warning::ColumnsDecided { columns } => write!(f, "columns: {columns}"),
-            Warning::PointsDropped { what, count } => write!(f, "{count} {what} left out"),
-            Warning::ColoredBy { name, meaning } => write!(f, "colors show {name}: {meaning}"),
-            Warning::PartKept {
+            ReadWarning::ColumnsDecided { columns } => write!(f, "columns: {columns}"),
+            ReadWarning::PointsDropped { what, count } => write!(f, "{count} {what} left out"),
+            ReadWarning::ColoredBy { name, meaning } => write!(f, "colors show {name}: {meaning}"),
+            ReadWarning::PartKept {
                 kept,
                 count,
                 what,
                 filter,
             } => write!(f, "kept {kept} of {count} {what}: {filter}"),
-            Warning::ScansJoined { count, posed } => write!(
+            ReadWarning::ScansJoined { count, posed } => write!(
                 f,
                 "{count} scans are drawn as one cloud, {posed} of them moved to where the file says"
             ),
-            Warning::LeftOut { parts } => write!(f, "left out: {}", parts.join(", ")),
-            Warning::GaussianSplats { count } => write!(
+            ReadWarning::LeftOut { parts } => write!(f, "left out: {}", parts.join(", ")),
+            ReadWarning::GaussianSplats { count } => write!(
                 f,
                 "a trained Gaussian-splat file: the middles of its {count} splats are drawn as points in their base color; \
                  sizes, rotations, opacity and what changes with the view are left out"
             ),
-            Warning::FacesOpposed { count } => write!(
+            ReadWarning::FacesOpposed { count } => write!(
                 f,
                 "{count} triangles are others turned round, a sheet made two-sided; it is drawn once, from both sides"
             ),
-            Warning::FacesTurned { count } => write!(
+            ReadWarning::FacesTurned { count } => write!(
                 f,
                 "{count} triangles were turned round to wind as their neighbors do"
             ),
-            Warning::Scaled { exponent } => write!(
+            ReadWarning::Scaled { exponent } => write!(
                 f,
                 "coordinates are beyond single precision; multiplied by 2^{exponent}, in all that is said of places too"
             ),
-            Warning::FarOff { vertices, sizes } => write!(
+            ReadWarning::FarOff { vertices, sizes } => write!(
                 f,
                 "{vertices} vertices lie up to {sizes:.0} times the model's size away; the first view frames the rest \
                  (--frame all frames everything)"
             ),
-            Warning::FarOffDropped { vertices } => write!(
+            ReadWarning::FarOffDropped { vertices } => write!(
                 f,
                 "{vertices} vertices lie more than {:e} times the model's size away; left out with their triangles",
                 super::assemble::ABSURD
             ),
-            Warning::PartMissing { what } => write!(f, "{what} missing"),
+            ReadWarning::PartMissing { what } => write!(f, "{what} missing"),
         }
     }
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Why a camera is unusable.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum CameraError {
     /// The camera file could not be read.
     #[error("cannot read the camera file {path}: {source}")]
     Read {
@@ -38,7 +38,7 @@ pub enum Error {
 /// Where the light of the headlight shading is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Light {
+pub enum HeadlightSource {
     /// A point light in the eye.
     #[default]
     Point,
@@ -64,7 +64,7 @@ pub struct Camera {
     pub y_down: bool,
     /// Where the headlight is.
     #[serde(default)]
-    pub light: Light,
+    pub light: HeadlightSource,
     /// Keys this program does not know; kept when the camera is written again.
     #[serde(flatten)]
     pub other: serde_json::Map<String, serde_json::Value>,
@@ -91,12 +91,12 @@ impl Camera {
     ///
     /// # Errors
     /// When the file cannot be read, is not JSON of the expected form, or describes no usable camera.
-    pub fn read(path: &Path) -> Result<Self, Error> {
-        let text = std::fs::read_to_string(path).map_err(|source| Error::Read {
+    pub fn read(path: &Path) -> Result<Self, CameraError> {
+        let text = std::fs::read_to_string(path).map_err(|source| CameraError::Read {
             path: path.to_owned(),
             source,
         })?;
-        let camera: Self = serde_json::from_str(&text).map_err(|source| Error::Json {
+        let camera: Self = serde_json::from_str(&text).map_err(|source| CameraError::Json {
             path: path.to_owned(),
             source,
         })?;
@@ -130,7 +130,7 @@ impl Camera {
             view,
             proj: perspective(1.0 / (t * aspect), 1.0 / t, near, far),
             y_down: false,
-            light: Light::Point,
+            light: HeadlightSource::Point,
             other: serde_json::Map::new(),
         }
     }
@@ -212,8 +212,8 @@ impl Camera {
     /// # Errors
     /// When a matrix is not finite, the view is singular, the projection is neither perspective nor
     /// orthographic in the convention above, or the size is 0 or above [`MAX_SIDE`].
-    pub fn view(&self, origin: DVec3) -> Result<View, Error> {
-        let fail = |what: String| Err(Error::Value(what));
+    pub fn view(&self, origin: DVec3) -> Result<View, CameraError> {
+        let fail = |what: String| Err(CameraError::Value(what));
         if self.width == 0 || self.height == 0 || self.width > MAX_SIDE || self.height > MAX_SIDE {
             return fail(format!(
                 "the picture is {} x {} pixels; each side must be 1 to {MAX_SIDE}",
@@ -328,7 +328,7 @@ pub struct View {
     /// Length of a model-space unit vector in view space: 1 unless the view matrix scales.
     pub model_scale: f32,
     /// Where the headlight is.
-    pub light: Light,
+    pub light: HeadlightSource,
 }
 
 impl View {

@@ -84,7 +84,7 @@ pub fn sin_around(axis: DVec3, caps: &[DirectionCap]) -> Option<f64> {
     Some(widest)
 }
 
-/// Whether everything in a ball faces away from the eye, for every normal in a cone: exact for the ball and the cone.
+/// Tells whether everything in a ball faces away from the eye, for every normal in a cone: exact for the ball and the cone.
 ///
 /// `axis` is unit, `sin_half_angle` 0 to 1 (1 never culls). Errs to the safe side: `true` is never wrong by more than
 /// rounding; `false` when the eye is in the ball. Monotone: nested balls with nested cones keep `true`.

@@ -92,14 +92,14 @@ impl Frustum {
         [left, right, bottom, top, self.near, self.far]
     }
 
-    /// Whether a point is in the volume (its boundary counts as inside).
+    /// Tells whether a point is in the volume (its boundary counts as inside).
     pub fn contains(&self, point: Vec3) -> bool {
         self.planes()
             .iter()
             .all(|p| p.distance(point.as_dvec3()) >= 0.0)
     }
 
-    /// Whether a ball lies wholly outside of one plane. Errs to "no": a ball near a corner of the volume may
+    /// Tells whether a ball lies wholly outside of one plane. Errs to "no": a ball near a corner of the volume may
     /// be kept although it is outside; one that touches the volume is never dropped.
     pub fn is_outside(&self, center: Vec3, radius: f32) -> bool {
         self.planes()

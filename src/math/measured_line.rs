@@ -35,7 +35,7 @@ pub enum MeasureError {
     Value {
         /// The file.
         path: PathBuf,
-        /// Its index, from 0.
+        /// Index of the measure, from 0.
         measure: usize,
         /// What is wrong.
         cause: &'static str,

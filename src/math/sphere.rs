@@ -128,7 +128,7 @@ pub fn radius_around(center: DVec3, balls: &[Sphere]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Whether `ball` contains `member`, within [`TOLERANCE`].
+/// Tells whether `ball` contains `member`, within [`TOLERANCE`].
 #[inline]
 fn contains(ball: &Sphere, member: &Sphere) -> bool {
     // Squared, so that no root is taken: |c - m| <= R (1 + t) - r.
@@ -221,7 +221,7 @@ fn extent(a: &Sphere, b: &Sphere) -> f64 {
     a.center.distance(b.center) + a.radius + b.radius
 }
 
-/// Whether the smallest ball of two of the three contains the third.
+/// Tells whether the smallest ball of two of the three contains the third.
 fn pair_contains_third([a, b, c]: [&Sphere; 3]) -> bool {
     let (ab, ac, bc) = (extent(a, b), extent(a, c), extent(b, c));
     if ab >= ac && ab >= bc {
@@ -322,9 +322,9 @@ mod tests {
     use super::*;
 
     /// A small generator, so that the tests need no crate and repeat exactly.
-    struct Random(u64);
+    struct SeededRandom(u64);
 
-    impl Random {
+    impl SeededRandom {
         fn unit(&mut self) -> f64 {
             self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
             let mut z = self.0;
@@ -407,7 +407,7 @@ mod tests {
 
     #[test]
     fn random_balls_match_a_search_over_centers() {
-        let mut random = Random(7);
+        let mut random = SeededRandom(7);
         for case in 0..3000 {
             let count = 2 + case % 3;
             let spread = [0.0, 0.05, 1.0][case / 3 % 3];
@@ -460,7 +460,7 @@ mod tests {
     #[test]
     fn ball_is_no_larger_than_bendas() {
         // Three centers' circle plus the largest radius: a bound, not a minimum.
-        let mut random = Random(3);
+        let mut random = SeededRandom(3);
         for _ in 0..2000 {
             let balls = [(); 3].map(|()| Sphere {
                 center: random.vector(),
@@ -485,7 +485,7 @@ mod tests {
         assert_eq!((point.center, point.radius), (DVec3::ONE, 0.0));
         let segment = of_triangle([DVec3::ZERO, DVec3::ZERO, DVec3::Z * 2.0]);
         assert_eq!((segment.center, segment.radius), (DVec3::Z, 1.0));
-        let mut random = Random(1);
+        let mut random = SeededRandom(1);
         for _ in 0..10_000 {
             let v = [random.vector(), random.vector(), random.vector() * 0.01];
             let ball = of_triangle(v);

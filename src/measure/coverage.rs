@@ -1,6 +1,6 @@
 //! Which pixels a picture covers, and where it has holes.
 
-use crate::image::{Error, Picture};
+use crate::image::{Error, PixelSource};
 
 /// The covered pixels of a picture: those of which at least half is covered.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -15,7 +15,7 @@ pub struct CoverageMask {
 
 impl CoverageMask {
     /// Of a picture's alpha.
-    pub fn of(picture: &impl Picture) -> Self {
+    pub fn of(picture: &impl PixelSource) -> Self {
         let [width, height] = picture.size().map(|side| side as usize);
         Self {
             width,
@@ -51,8 +51,8 @@ impl CoverageMask {
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
 pub(super) fn masks(
-    reference: &impl Picture,
-    other: &impl Picture,
+    reference: &impl PixelSource,
+    other: &impl PixelSource,
 ) -> Result<(CoverageMask, CoverageMask), Error> {
     let (first, second) = (reference.size(), other.size());
     if first != second {
@@ -72,7 +72,7 @@ pub struct CoverageErrors {
     pub extra: u64,
     /// Holes: regions of missing pixels (connected by their sides) inside of the silhouette, that is without a pixel at
     /// whose side the reference has background. What lies beyond the picture is taken for covered. Stricter and wider
-    /// than [`crate::image::Difference::holes`], which looks at single pixels and also sees the inside of a missing
+    /// than [`crate::image::PictureDifference::holes`], which looks at single pixels and also sees the inside of a missing
     /// edge.
     pub holes: u64,
     /// Pixels in holes.
@@ -85,7 +85,10 @@ pub struct CoverageErrors {
 ///
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
-pub fn coverage(reference: &impl Picture, other: &impl Picture) -> Result<CoverageErrors, Error> {
+pub fn coverage(
+    reference: &impl PixelSource,
+    other: &impl PixelSource,
+) -> Result<CoverageErrors, Error> {
     let (reference, other) = masks(reference, other)?;
     Ok(of_masks(&reference, &other))
 }

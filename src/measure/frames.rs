@@ -48,7 +48,7 @@ pub struct PassSummary {
     pub name: &'static str,
     /// Milliseconds of the frames that had it. A pass that runs several times in a frame counts with its sum.
     pub ms: ValueDistribution,
-    /// Its part of the time of all passes of all frames, 0 to 1.
+    /// Part of the time of all passes of all frames, 0 to 1.
     pub share: f64,
     /// Frames that had it.
     pub frames: usize,

@@ -1,6 +1,6 @@
 //! Drives a model along a path of the camera or of the threshold, and measures how steady each way to draw it is.
 
-use super::profile::Error;
+use super::profile::ProfileError;
 use super::temporal::{PictureSequence, TemporalRules, churn};
 use crate::cut::{Cut, CutSelector};
 use crate::image::FloatImage;
@@ -83,7 +83,7 @@ pub fn frames(
     target: &MotionTarget,
     steps: &MotionSteps,
     fits_planes: bool,
-) -> Result<Vec<MotionFrame>, camera::Error> {
+) -> Result<Vec<MotionFrame>, camera::CameraError> {
     let MotionTarget { center, radius, .. } = *target;
     let mut distance = -start.view.transform_point3(center).z;
     let mut camera = start.clone();
@@ -133,7 +133,7 @@ pub struct MotionSubject {
 
 /// What is to be measured.
 #[derive(Debug, Clone, Copy)]
-pub struct Plan<'a> {
+pub struct MotionPlan<'a> {
     /// The frames in order, all of the size that the engine was made for.
     pub frames: &'a [MotionFrame],
     /// What is compared.
@@ -183,9 +183,9 @@ type MotionReferences = Vec<(Settings, Arc<FloatImage>)>;
 pub fn measure(
     engine: &mut Engine<'_>,
     model: &Model,
-    plan: &Plan<'_>,
+    plan: &MotionPlan<'_>,
     progress: &dyn Progress,
-) -> Result<Vec<PictureSequence>, Error> {
+) -> Result<Vec<PictureSequence>, ProfileError> {
     let side = plan.samples_side.max(1);
     let mut runs: Vec<MotionRun> = plan
         .subjects
@@ -210,7 +210,7 @@ pub fn measure(
         }
         for run in &mut runs {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled(index));
+                return Err(ProfileError::Cancelled(index));
             }
             let reference = match references.iter().find(|(s, _)| *s == run.reference) {
                 Some((_, reference)) => reference.clone(),
@@ -323,7 +323,7 @@ mod tests {
     #[test]
     fn one_exact_sample_does_not_flicker_against_itself() {
         use crate::mesh::Mesh;
-        use crate::progress::Silent;
+        use crate::progress::SilentProgress;
         use crate::render::PictureOutputs;
         use crate::render::engine::Backend;
         let mesh = Mesh {
@@ -332,7 +332,8 @@ mod tests {
             ..Mesh::default()
         };
         let model =
-            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();
+            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &SilentProgress)
+                .unwrap();
         let target = MotionTarget::of(&model);
         let camera = Camera::orbit((40, 40), target.center, target.radius, 0.2, 0.1, 1.0);
         let steps = MotionSteps {
@@ -356,13 +357,13 @@ mod tests {
             PictureOutputs::default(),
         )
         .unwrap();
-        let mut plan = Plan {
+        let mut plan = MotionPlan {
             frames: &frames,
             subjects: &subjects,
             samples_side: 1,
             rules: TemporalRules::default(),
         };
-        let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
+        let found = measure(&mut engine, &model, &plan, &SilentProgress).unwrap();
         for sequence in &found {
             let figures = sequence.figures();
             assert!(figures.reference_level > 1.0, "{figures:?}");
@@ -372,7 +373,7 @@ mod tests {
         assert_eq!(found[1].figures().mean_churn, Some(0.0));
         // Against more samples its rim does.
         plan.samples_side = 4;
-        let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
+        let found = measure(&mut engine, &model, &plan, &SilentProgress).unwrap();
         assert!(found[0].figures().mean_level > 0.1);
     }
 
@@ -380,13 +381,14 @@ mod tests {
     #[test]
     fn cuts_are_those_that_views_draw() {
         use crate::generate::{self, GeneratedShape, ShapeSpec};
-        use crate::progress::Silent;
+        use crate::progress::SilentProgress;
         use crate::render::PictureOutputs;
         use crate::render::engine::Backend;
         let mesh =
             generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 60_000).unwrap());
         let model =
-            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();
+            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &SilentProgress)
+                .unwrap();
         let target = MotionTarget::of(&model);
         let camera = Camera::orbit((40, 40), target.center, target.radius, 0.2, 0.1, 1.0);
         let steps = MotionSteps {
@@ -410,13 +412,13 @@ mod tests {
             PictureOutputs::default(),
         )
         .unwrap();
-        let plan = Plan {
+        let plan = MotionPlan {
             frames: &frames,
             subjects: &subjects,
             samples_side: 1,
             rules: TemporalRules::default(),
         };
-        let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
+        let found = measure(&mut engine, &model, &plan, &SilentProgress).unwrap();
         let [one, near, larger] = [0, 1, 2].map(|i| found[i].figures().mean_churn.unwrap());
         assert!(
             one > 0.0 && near == one && larger != one,

@@ -3,7 +3,7 @@
 //! The reference is every triangle, several samples a pixel. Beside patches stand one exact sample of it and what the program
 //! draws without patches, triangles and splats by size on screen. All is drawn by the processor, so no device decides.
 
-use super::profile::Error;
+use super::profile::ProfileError;
 use super::{PIXELS_PER_DEGREE, flip};
 use crate::image::{Image, compare};
 use crate::math::camera::View;
@@ -93,7 +93,7 @@ pub fn measure(
     patches: &NodePatches,
     plan: &PatchPlan,
     progress: &dyn Progress,
-) -> Result<PatchFindings, Error> {
+) -> Result<PatchFindings, ProfileError> {
     let mut findings = PatchFindings::default();
     let Some((_, first)) = plan.views.first() else {
         return Ok(findings);
@@ -117,7 +117,7 @@ pub fn measure(
     for (name, view) in &plan.views {
         let reference = engine.supersample(view, &triangles, plan.samples.max(1))?;
         let exact = engine.render(view, &triangles)?;
-        let mut judge = |mut row: PatchRow, image: Image| -> Result<(), Error> {
+        let mut judge = |mut row: PatchRow, image: Image| -> Result<(), ProfileError> {
             let pixels = || reference.color.iter().zip(&exact.color).zip(&image.color);
             row.view.clone_from(name);
             row.flip = of_one_size(flip(&reference, &image, PIXELS_PER_DEGREE)).mean;
@@ -132,7 +132,7 @@ pub fn measure(
             findings.pictures.push(image);
             progress.advance(1);
             if progress.is_cancelled() {
-                return Err(Error::Cancelled(findings.rows.len()));
+                return Err(ProfileError::Cancelled(findings.rows.len()));
             }
             Ok(())
         };

@@ -8,7 +8,7 @@
 //!
 //! Both take the eight-bit values as they are shown: limited to 0..=1, NaN as 0, encoded as sRGB.
 
-use crate::image::{Error, Picture, unorm8};
+use crate::image::{Error, PixelSource, unorm8};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -29,7 +29,7 @@ fn bands(height: usize, halo: usize) -> Vec<(Range<usize>, Range<usize>)> {
         .collect()
 }
 
-fn same_size(reference: &impl Picture, other: &impl Picture) -> Result<[usize; 2], Error> {
+fn same_size(reference: &impl PixelSource, other: &impl PixelSource) -> Result<[usize; 2], Error> {
     let (first, second) = (reference.size(), other.size());
     if first == second {
         Ok(first.map(|side| side as usize))
@@ -57,8 +57,8 @@ pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
 pub fn flip(
-    reference: &(impl Picture + Sync),
-    other: &(impl Picture + Sync),
+    reference: &(impl PixelSource + Sync),
+    other: &(impl PixelSource + Sync),
     pixels_per_degree: f32,
 ) -> Result<FlipErrors, Error> {
     let [width, height] = same_size(reference, other)?;
@@ -120,8 +120,8 @@ fn window() -> [f64; 2 * HALF + 1] {
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
 pub fn ssim(
-    reference: &(impl Picture + Sync),
-    other: &(impl Picture + Sync),
+    reference: &(impl PixelSource + Sync),
+    other: &(impl PixelSource + Sync),
 ) -> Result<f64, Error> {
     let [width, height] = same_size(reference, other)?;
     if width == 0 || height == 0 {

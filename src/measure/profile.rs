@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// Why there is no profile.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum ProfileError {
     /// A frame could not be drawn.
     #[error(transparent)]
     Gpu(#[from] crate::gpu::Error),
@@ -31,7 +31,7 @@ pub enum Error {
 
 /// What is to be measured.
 #[derive(Debug, Clone, Copy)]
-pub struct Plan<'a> {
+pub struct ProfilePlan<'a> {
     /// The views, all of the size that the engine was made for.
     pub views: &'a [View],
     /// How they are drawn.
@@ -118,10 +118,10 @@ impl FrameProfile {
     pub fn run(
         backend: &Backend,
         engine: &mut Engine<'_>,
-        plan: &Plan<'_>,
+        plan: &ProfilePlan<'_>,
         proof: ProfileProof,
         progress: &dyn Progress,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, ProfileError> {
         let gpu = backend.device();
         let has_timestamps = gpu.is_some_and(|g| g.info().timestamp_period_ns > 0.0);
         let mut profile = Self {
@@ -147,11 +147,11 @@ impl FrameProfile {
     fn time(
         &mut self,
         engine: &mut Engine<'_>,
-        plan: &Plan<'_>,
+        plan: &ProfilePlan<'_>,
         gpu: Option<&Arc<Gpu>>,
         progress: &dyn Progress,
-    ) -> Result<(), Error> {
-        let Plan {
+    ) -> Result<(), ProfileError> {
+        let ProfilePlan {
             views,
             settings,
             warm_up,
@@ -168,7 +168,7 @@ impl FrameProfile {
                 engine.measure(measure)?;
                 for _ in 0..warm_up {
                     if progress.is_cancelled() {
-                        return Err(Error::Cancelled(0));
+                        return Err(ProfileError::Cancelled(0));
                     }
                     engine.draw(view, settings)?;
                 }
@@ -176,7 +176,7 @@ impl FrameProfile {
         }
         for (index, view) in views.iter().enumerate() {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled(index));
+                return Err(ProfileError::Cancelled(index));
             }
             let mut sample = ProfileSample {
                 times: FrameTimes::default(),
@@ -209,10 +209,10 @@ impl FrameProfile {
     fn count(
         &mut self,
         engine: &mut Engine<'_>,
-        plan: &Plan<'_>,
+        plan: &ProfilePlan<'_>,
         progress: &dyn Progress,
-    ) -> Result<(), Error> {
-        let Plan {
+    ) -> Result<(), ProfileError> {
+        let ProfilePlan {
             views, settings, ..
         } = *plan;
         progress.stage("count", views.len() as u64);
@@ -222,7 +222,7 @@ impl FrameProfile {
         })?;
         for (index, (view, sample)) in views.iter().zip(&mut self.samples).enumerate() {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled(index));
+                return Err(ProfileError::Cancelled(index));
             }
             sample.counters = engine.draw(view, settings)?.counters;
             let image = engine.read(view)?;
@@ -238,7 +238,7 @@ impl FrameProfile {
         self.samples.iter().map(|s| &s.times)
     }
 
-    /// Whether a counter of this name is exact on the device; only then it is reported.
+    /// Tells whether a counter of this name is exact on the device; only then it is reported.
     pub fn counts(&self, counter: &str) -> bool {
         self.proof
             .counter_test

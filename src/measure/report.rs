@@ -26,11 +26,11 @@ pub struct FrameReport {
 /// One pass.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PassReport {
-    /// Its name.
+    /// Name of the pass.
     pub name: &'static str,
-    /// Its time on the device in the frames that had it, milliseconds; `None` without timestamps.
+    /// Time on the device in the frames that had the pass, milliseconds; `None` without timestamps.
     pub gpu_ms: Option<ValueDistribution>,
-    /// Its part of the time of all passes, 0 to 1.
+    /// Part of the time of all passes, 0 to 1.
     pub share: f64,
     /// Frames that had it.
     pub frames: usize,
@@ -49,7 +49,7 @@ pub struct PassReport {
 /// One counter of the pipeline in one pass.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CounterReport {
-    /// Its name, one of [`PipelineStatistics::named`].
+    /// Name of the counter, one of [`PipelineStatistics::named`].
     pub name: &'static str,
     /// What it counted.
     pub count: ValueDistribution,
@@ -58,11 +58,11 @@ pub struct CounterReport {
 /// One stage on the CPU.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StageReport {
-    /// Its name.
+    /// Name of the stage.
     pub name: &'static str,
-    /// Its time, milliseconds.
+    /// Time of the stage, milliseconds.
     pub ms: ValueDistribution,
-    /// Its part of the time of all frames, 0 to 1.
+    /// Part of the time of all frames, 0 to 1.
     pub share: f64,
 }
 
@@ -92,7 +92,7 @@ pub struct CountReport {
 pub struct ByteReport {
     /// Draw lists.
     pub draw_lists: ValueDistribution,
-    /// Draw lists and uniform blocks: all that the host writes for a frame.
+    /// Draw lists and uniform blocks: all that the processor writes for a frame.
     pub uploaded: ValueDistribution,
     /// Targets that passes load, from their descriptions.
     pub loaded: ValueDistribution,
@@ -109,7 +109,7 @@ pub struct ProofReport {
     pub counter_test: Option<CounterTest>,
     /// Sum of the passes over the frame's time on the device, median of the frames; `None` without timestamps.
     pub passes_of_device: Option<f64>,
-    /// Time of a frame on the device over what the host saw of it, median; at most 1 if both clocks run alike.
+    /// Time of a frame on the device over what the processor saw of it, median; at most 1 if both clocks run alike.
     pub device_of_host: Option<f64>,
     /// What timestamps cost a frame, milliseconds: the frame with them less the same without, median and spread
     /// over the views. Below 0 it is noise.
@@ -118,7 +118,7 @@ pub struct ProofReport {
     pub cost_bounds_ms: Option<[f64; 2]>,
     /// The median of that over the median frame without timestamps.
     pub cost_share: Option<f64>,
-    /// How times of the device are put on the host's clock, in a sentence.
+    /// How times of the device are put on the processor's clock, in a sentence.
     pub clock: &'static str,
     /// Largest error of the two clocks against each other, milliseconds; `None` where frames are anchored by
     /// their submission.
@@ -147,7 +147,7 @@ pub struct ProfileReport {
 }
 
 impl ProofReport {
-    /// Whether timestamps cost more time than noise explains.
+    /// Tells whether timestamps cost more time than noise explains.
     pub fn costs_time(&self) -> bool {
         self.cost_bounds_ms.is_some_and(|[low, _]| low > 0.0)
     }
@@ -163,7 +163,7 @@ fn known<T>(items: &[T], of: impl Fn(&T) -> Option<f64>) -> Option<ValueDistribu
     (!values.is_empty()).then(|| ValueDistribution::of(&values))
 }
 
-/// From the submission until the host saw the end, milliseconds.
+/// From the submission until the processor saw the end, milliseconds.
 fn host_ms(times: &FrameTimes) -> Option<f64> {
     let before = times.starts.submission? - times.starts.frame?;
     Some(times.frame_ms - before.as_secs_f64() * 1e3)
@@ -237,7 +237,7 @@ impl ProfileReport {
                 })
                 .collect();
             out.push(format!(
-                "pass times do not agree with the host clock in the self-test ({}): compare frames, not passes",
+                "pass times do not agree with the processor's clock in the self-test ({}): compare frames, not passes",
                 rows.join("; ")
             ));
         }
@@ -254,7 +254,7 @@ impl ProfileReport {
             && ratio > 1.0 + SUM_TOLERANCE
         {
             out.push(format!(
-                "by its timestamps the device took {ratio:.2} times as long as the host waited: its clock runs at another speed than it says"
+                "by its timestamps the device took {ratio:.2} times as long as the processor waited: its clock runs at another speed than it says"
             ));
         }
         if let (Some(share), Some(cost)) = (proof.cost_share, proof.cost_ms)

@@ -6,7 +6,7 @@
 
 use super::SampleSpread;
 use super::coverage::{CoverageMask, masks};
-use crate::image::{Error, Picture};
+use crate::image::{Error, PixelSource};
 
 /// Distance between the silhouettes of two pictures in pixels, symmetric: from every pixel on the outline of one to the
 /// nearest on the outline of the other, and back.
@@ -17,7 +17,10 @@ use crate::image::{Error, Picture};
 ///
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
-pub fn silhouette(reference: &impl Picture, other: &impl Picture) -> Result<SampleSpread, Error> {
+pub fn silhouette(
+    reference: &impl PixelSource,
+    other: &impl PixelSource,
+) -> Result<SampleSpread, Error> {
     let (reference, other) = masks(reference, other)?;
     let outlines = [outline(&reference), outline(&other)];
     let fields = outlines

@@ -15,7 +15,7 @@
 //! seconds is that of [`TemporalRules::frames_per_second`]: a path in half as large steps at twice the rate is the same motion.
 
 use super::PictureTile;
-use crate::image::{Error, FloatImage, Image, Picture, contact_sheet, unorm8};
+use crate::image::{Error, FloatImage, Image, PixelSource, contact_sheet, unorm8};
 use std::sync::Arc;
 
 /// Side of the tiles that can pop, pixels: 7 minutes of arc on a screen of 67 pixels a degree, half a period of the four
@@ -66,7 +66,7 @@ pub struct TemporalStep {
 
 /// All steps of a sequence taken together. Levels are of 255.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
-pub struct Figures {
+pub struct SequenceFigures {
     /// Pairs of frames.
     pub steps: usize,
     /// Flicker: mean of |e| over object pixels of all steps and three channels.
@@ -101,7 +101,7 @@ struct WorstStep {
     after: ShownDifference,
 }
 
-/// Bins of a level in the histogram of [`Figures::p99_level`].
+/// Bins of a level in the histogram of [`SequenceFigures::p99_level`].
 const BINS: f64 = 16.0;
 
 /// Frames of one way to draw, as they come. Keeps the last frame and the worst step, not all of them.
@@ -172,7 +172,7 @@ impl PictureSequence {
     }
 
     /// All steps so far taken together; zeros for none.
-    pub fn figures(&self) -> Figures {
+    pub fn figures(&self) -> SequenceFigures {
         let steps = &self.steps;
         let pixels: u64 = steps.iter().map(|s| s.object_pixels).sum();
         let mean = |of: fn(&TemporalStep) -> f64| {
@@ -182,7 +182,7 @@ impl PictureSequence {
         let pops: u64 = steps.iter().map(|s| s.pops).sum();
         let churn: Vec<f64> = steps.iter().filter_map(|s| s.churn).collect();
         let has_churn = !churn.is_empty();
-        Figures {
+        SequenceFigures {
             steps: steps.len(),
             mean_level: mean(|s| s.mean_level),
             p99_level: self.percentile(0.99),
@@ -419,11 +419,11 @@ mod tests {
         // 2 of 9 pixels stay; the others change by 155, 27.5 and 100 levels.
         let change = 14.0 * (155.0 + 27.5 + 100.0) / 3.0 / 600.0;
         assert!((found.reference_level - change).abs() < 1e-4);
-        let expected = Figures {
+        let expected = SequenceFigures {
             steps: 5,
             reference_level: found.reference_level,
             worst_frame: 1,
-            ..Figures::default()
+            ..SequenceFigures::default()
         };
         assert_eq!(found, expected);
     }
@@ -549,7 +549,7 @@ mod tests {
     #[test]
     fn no_frames_have_no_figures() {
         let sequence = PictureSequence::new(TemporalRules::default());
-        assert_eq!(sequence.figures(), Figures::default());
+        assert_eq!(sequence.figures(), SequenceFigures::default());
         assert!(sequence.worst_picture(1.0).is_none());
         let nothing = Arc::new(FloatImage::default());
         let mut sequence = sequence;

@@ -1,6 +1,6 @@
 //! The place where two pictures differ most.
 
-use crate::image::{Error, Image, Picture, unorm8};
+use crate::image::{Error, Image, PixelSource, unorm8};
 
 /// A rectangle of a picture, and how much it differs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
@@ -24,8 +24,8 @@ pub struct PictureTile {
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
 pub fn worst_tile(
-    reference: &impl Picture,
-    other: &impl Picture,
+    reference: &impl PixelSource,
+    other: &impl PixelSource,
     side: u32,
 ) -> Result<PictureTile, Error> {
     let (first, second) = (reference.size(), other.size());
@@ -95,7 +95,7 @@ fn starts(length: u32, side: u32) -> Vec<u32> {
 
 /// The part of a picture under a tile, every pixel as a square of `enlarge` x `enlarge` (0 counts as 1), in eight bits.
 /// What lies beyond the picture is left out.
-pub fn crop(picture: &impl Picture, tile: &PictureTile, enlarge: u32) -> Image {
+pub fn crop(picture: &impl PixelSource, tile: &PictureTile, enlarge: u32) -> Image {
     let [width, height] = picture.size();
     let columns = tile.x.min(width)..(tile.x.saturating_add(tile.width)).min(width);
     let rows = tile.y.min(height)..(tile.y.saturating_add(tile.height)).min(height);

@@ -1,7 +1,7 @@
 //! The trace of a profile: the Trace Event Format of Chrome, which Perfetto and chrome://tracing show.
 //!
-//! CPU and GPU are two tracks on the host's clock. Where the device has calibrated timestamps its clock was read beside
-//! the host's after each frame; elsewhere the first timestamp of a frame is put at its submission, the earliest
+//! CPU and GPU are two tracks on the processor's clock. Where the device has calibrated timestamps its clock was read beside
+//! the processor's after each frame; elsewhere the first timestamp of a frame is put at its submission, the earliest
 //! moment at which it can have been taken, and the trace says so.
 
 use super::profile::{FrameProfile, ProfileSample};
@@ -13,13 +13,13 @@ const PROCESS: u32 = 1;
 const CPU: u32 = 1;
 const GPU: u32 = 2;
 
-/// How the trace puts the device on the host's clock.
+/// How the trace puts the device on the processor's clock.
 pub const CALIBRATED: &str =
-    "calibrated timestamps: the device's clock was read beside the host's after each frame";
+    "calibrated timestamps: the device's clock was read beside the processor's after each frame";
 /// As [`CALIBRATED`], without them.
-pub const ANCHORED: &str = "anchored by the host clock at submission: the device has no calibrated timestamps, its track begins too early by what a submission waits";
+pub const ANCHORED: &str = "anchored by the processor's clock at submission: the device has no calibrated timestamps, its track begins too early by what a submission waits";
 /// As [`CALIBRATED`], without timestamps.
-pub const NO_CLOCK: &str = "the host's clock only: no timestamps";
+pub const NO_CLOCK: &str = "the processor's clock only: no timestamps";
 
 /// Nanoseconds, whole: what nests in time then nests in the trace.
 fn ns(ms: f64) -> i64 {
@@ -57,7 +57,7 @@ fn named(what: &str, track: u32, name: &str) -> Value {
 }
 
 impl FrameProfile {
-    /// How [`trace`](FrameProfile::trace) puts the device on the host's clock, in a sentence.
+    /// How [`trace`](FrameProfile::trace) puts the device on the processor's clock, in a sentence.
     pub fn clock(&self) -> &'static str {
         let is_timed = |s: &ProfileSample| s.times.device.frame_ms.is_some();
         if !self.samples.iter().any(is_timed) {
@@ -86,7 +86,10 @@ impl FrameProfile {
                 None => -((origin - moment).as_nanos() as i64),
             }
         };
-        let device = self.device.as_ref().map_or("mirror", |d| d.name.as_str());
+        let device = self
+            .device
+            .as_ref()
+            .map_or("reference", |d| d.name.as_str());
         let mut events = vec![
             named("process_name", CPU, "surfel"),
             named("thread_name", CPU, "CPU"),
@@ -151,7 +154,7 @@ impl FrameProfile {
             return;
         };
         let first = match &sample.anchor {
-            // The host drew it all.
+            // The processor drew it all.
             _ if sample.times.starts.submission.is_none() => None,
             Some(anchor) => anchor.instant_of(device.first_tick, info),
             None => sample.times.starts.submission,

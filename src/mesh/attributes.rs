@@ -40,7 +40,7 @@ impl CoordinateGrid {
 /// One attribute of all points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AttributeColumn {
-    /// Its name: lower case, without spaces (`intensity`, `class`, `return`, `time`), or as the file writes it.
+    /// Name of the attribute: lower case, without spaces (`intensity`, `class`, `return`, `time`), or as the file writes it.
     pub name: String,
     /// Whether values can be averaged.
     pub kind: AttributeKind,
@@ -112,7 +112,7 @@ pub enum AttributeValues {
 
 /// A number that a column can hold.
 pub trait AttributeNumber: Copy + PartialEq + Sized {
-    /// Its type.
+    /// Type of the number.
     const NUMBER: NumberType;
     /// The column of these values.
     fn column(values: Vec<Self>) -> AttributeValues;
@@ -284,7 +284,7 @@ impl AttributeValues {
         }
     }
 
-    /// Whether there are none.
+    /// Tells whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -348,7 +348,7 @@ impl PointAttributes {
         }
     }
 
-    /// Whether there are none.
+    /// Tells whether there are none.
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty()
     }

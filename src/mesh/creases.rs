@@ -6,7 +6,7 @@
 //! of a scan, which has many edges but few closed ones, stays smooth.
 
 use super::Mesh;
-use super::normals::{self, Weighting};
+use super::normals::{self, NormalWeighting};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -82,7 +82,7 @@ fn face_normal(mesh: &Mesh, triangle: [u32; 3]) -> DVec3 {
 /// other vertex has a sharp edge: of two normals that differ by more than an angle, one differs from any third by more
 /// than half of it.
 fn suspects(mesh: &Mesh, crease: f64) -> Vec<VertexCorner> {
-    let means = normals::of_vertices(mesh, Weighting::Area);
+    let means = normals::of_vertices(mesh, NormalWeighting::Area);
     // Means are rounded to single precision.
     let least = (0.5 * crease).cos() + 1e-6;
     let differs = |corner: u32, normal: DVec3| {
@@ -218,7 +218,7 @@ mod tests {
         mesh.colors = (0..8).map(|i| [i, 0, 0, 255]).collect();
         assert_eq!(split(&mut mesh, USUAL_CREASE_DEGREES), 16);
         assert_eq!((mesh.positions.len(), mesh.colors.len()), (24, 24));
-        normals::compute(&mut mesh, Weighting::Area);
+        normals::compute(&mut mesh, NormalWeighting::Area);
         assert!(largest_difference(&mesh) < 1e-6);
         // Copies are where their vertex is, and look like it.
         for (position, color) in mesh.positions.iter().zip(&mesh.colors) {
@@ -284,7 +284,7 @@ mod tests {
             ..Mesh::default()
         };
         assert_eq!(split(&mut sheet, 40.0), 3);
-        normals::compute(&mut sheet, Weighting::Area);
+        normals::compute(&mut sheet, NormalWeighting::Area);
         assert!(sheet.normals.iter().all(|n| n.z.abs() == 1.0), "{sheet:?}");
         assert_eq!(split(&mut Mesh::default(), 40.0), 0);
     }

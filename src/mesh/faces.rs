@@ -71,7 +71,7 @@ struct SampledFaults {
 
 /// An edge at a sampled vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Spoke {
+struct VertexEdge {
     vertex: u32,
     other: u32,
     is_outward: bool,
@@ -79,7 +79,7 @@ struct Spoke {
 
 /// A triangle at a sampled vertex: the edge opposite of it, lower end first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Opposite {
+struct OppositeEdge {
     vertex: u32,
     low: u32,
     high: u32,
@@ -107,9 +107,9 @@ impl SampledFaults {
             })
             .filter(|&[a, b, c]| a != b && b != c && c != a)
             .collect();
-        let mut opposites: Vec<Opposite> = corners
+        let mut opposites: Vec<OppositeEdge> = corners
             .iter()
-            .map(|&[vertex, a, b]| Opposite {
+            .map(|&[vertex, a, b]| OppositeEdge {
                 vertex,
                 low: a.min(b),
                 high: a.max(b),
@@ -117,10 +117,10 @@ impl SampledFaults {
             .collect();
         opposites.par_sort_unstable();
         let pairs = opposites.windows(2).filter(|two| two[0] == two[1]).count();
-        let mut spokes: Vec<Spoke> = corners
+        let mut spokes: Vec<VertexEdge> = corners
             .iter()
             .flat_map(|&[vertex, a, b]| {
-                [(a, true), (b, false)].map(|(other, is_outward)| Spoke {
+                [(a, true), (b, false)].map(|(other, is_outward)| VertexEdge {
                     vertex,
                     other,
                     is_outward,
@@ -205,12 +205,12 @@ fn drop_opposed(mesh: &mut Mesh) -> u64 {
 
 /// A side of a triangle: the edge, lower vertex first, then twice the triangle and whether it runs from high to low.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Side {
+struct TriangleSide {
     edge: u64,
     triangle_and_direction: u32,
 }
 
-impl Side {
+impl TriangleSide {
     fn triangle(self) -> u32 {
         self.triangle_and_direction >> 1
     }
@@ -220,20 +220,20 @@ impl Side {
     }
 }
 
-/// Whether two sides of an edge run the same way, which those of one surface do not.
-fn are_against(pair: &[Side]) -> bool {
+/// Tells whether two sides of an edge run the same way, which those of one surface do not.
+fn are_against(pair: &[TriangleSide]) -> bool {
     pair[0].is_downward() == pair[1].is_downward()
 }
 
 /// Turns what winds against its neighbors; returns how many triangles.
 fn turn(mesh: &mut Mesh) -> u64 {
-    let mut sides: Vec<Side> = mesh
+    let mut sides: Vec<TriangleSide> = mesh
         .triangles
         .par_iter()
         .enumerate()
         .filter(|(_, [a, b, c])| a != b && b != c && c != a)
         .flat_map_iter(|(index, &[a, b, c])| {
-            [(a, b), (b, c), (c, a)].map(|(from, to)| Side {
+            [(a, b), (b, c), (c, a)].map(|(from, to)| TriangleSide {
                 edge: u64::from(from.min(to)) << 32 | u64::from(from.max(to)),
                 triangle_and_direction: (index as u32) << 1 | u32::from(from > to),
             })
@@ -241,7 +241,7 @@ fn turn(mesh: &mut Mesh) -> u64 {
         .collect();
     sides.par_sort_unstable();
     let edges = || sides.chunk_by(|a, b| a.edge == b.edge);
-    let corners = |side: Side| sorted(mesh.triangles[side.triangle() as usize]).0;
+    let corners = |side: TriangleSide| sorted(mesh.triangles[side.triangle() as usize]).0;
     // A triangle that is there twice is no neighbor of itself.
     let pairs = || edges().filter(|edge| edge.len() == 2 && corners(edge[0]) != corners(edge[1]));
     if !pairs().any(are_against) {
@@ -380,7 +380,7 @@ impl PartFacts {
         };
     }
 
-    /// Whether the root's winding is the wrong one.
+    /// Tells whether the root's winding is the wrong one.
     fn is_root_wrong(&self) -> bool {
         if self.is_open || self.volume == 0.0 {
             self.votes < 0

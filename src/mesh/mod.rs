@@ -35,7 +35,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Whether the mesh has no triangles but has vertices: a point cloud.
+    /// Tells whether the mesh has no triangles but has vertices: a point cloud.
     pub fn is_cloud(&self) -> bool {
         self.triangles.is_empty() && !self.positions.is_empty()
     }

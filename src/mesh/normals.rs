@@ -12,8 +12,8 @@ use super::Mesh;
 
 /// What a face counts at its corner.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Weighting {
-    /// Its area.
+pub enum NormalWeighting {
+    /// The face's area.
     #[default]
     Area,
     /// The angle between its edges at the corner.
@@ -34,7 +34,7 @@ const BLOCK: usize = 1024;
 ///
 /// # Panics
 /// When a triangle names a vertex that does not exist.
-pub fn compute(mesh: &mut Mesh, weighting: Weighting) {
+pub fn compute(mesh: &mut Mesh, weighting: NormalWeighting) {
     mesh.normals = if mesh.triangles.is_empty() {
         Vec::new()
     } else {
@@ -44,7 +44,7 @@ pub fn compute(mesh: &mut Mesh, weighting: Weighting) {
 
 /// Keeps the normals of the mesh that are known and computes those that are zero or missing; returns how many were
 /// set to something else than zero. A point cloud stays as it is.
-pub fn complete(mesh: &mut Mesh, weighting: Weighting) -> usize {
+pub fn complete(mesh: &mut Mesh, weighting: NormalWeighting) -> usize {
     if mesh.triangles.is_empty() {
         return 0;
     }
@@ -72,12 +72,12 @@ pub fn complete(mesh: &mut Mesh, weighting: Weighting) -> usize {
 
 /// A sum of weighted normals and the sum of their weights.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sum {
+struct NormalSum {
     normal: DVec3,
     weight: f64,
 }
 
-impl Sum {
+impl NormalSum {
     fn direction(self) -> Vec3 {
         let length = self.normal.length();
         if length > SMALLEST_SHARE * self.weight && length.is_finite() {
@@ -94,7 +94,7 @@ impl Sum {
 /// corners in its range: no atomics, no merging, one order of addition. Blocks of triangles know the lowest and
 /// highest vertex they name, so that on a mesh with any order in it a task visits little more than its share; on
 /// shuffled triangles every task reads all indices, still cheaper than sorting them.
-pub(super) fn of_vertices(mesh: &Mesh, weighting: Weighting) -> Vec<Vec3> {
+pub(super) fn of_vertices(mesh: &Mesh, weighting: NormalWeighting) -> Vec<Vec3> {
     let Mesh {
         positions,
         triangles,
@@ -129,7 +129,7 @@ pub(super) fn of_vertices(mesh: &Mesh, weighting: Weighting) -> Vec<Vec3> {
         .for_each(|(task, out)| {
             let first = (task * range) as u32;
             let last = first + (out.len() - 1) as u32;
-            let mut sums = vec![Sum::default(); out.len()];
+            let mut sums = vec![NormalSum::default(); out.len()];
             for (block, &(low, high)) in triangles.chunks(BLOCK).zip(&spans) {
                 if low > last || high < first {
                     continue;
@@ -155,18 +155,18 @@ pub(super) fn of_vertices(mesh: &Mesh, weighting: Weighting) -> Vec<Vec3> {
 /// Adds a triangle to those of its corners that lie in the range.
 #[inline]
 fn add(
-    sums: &mut [Sum],
+    sums: &mut [NormalSum],
     first: u32,
     positions: &[Vec3],
     triangle: &[u32; 3],
-    weighting: Weighting,
+    weighting: NormalWeighting,
 ) {
     // Double precision: the product of two tiny edges underflows in single, and slivers lose their direction.
     let [a, b, c] = triangle.map(|corner| positions[corner as usize].as_dvec3());
     let cross = (b - a).cross(c - a);
     let double_area = cross.length();
     match weighting {
-        Weighting::Area => {
+        NormalWeighting::Area => {
             for &corner in triangle {
                 if let Some(sum) = sums.get_mut(corner.wrapping_sub(first) as usize) {
                     sum.normal += cross;
@@ -174,7 +174,7 @@ fn add(
                 }
             }
         }
-        Weighting::Angle => {
+        NormalWeighting::Angle => {
             if double_area == 0.0 {
                 return;
             }
@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn a_flat_square_points_up() {
-        for weighting in [Weighting::Area, Weighting::Angle] {
+        for weighting in [NormalWeighting::Area, NormalWeighting::Angle] {
             let mut mesh = Mesh {
                 positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
                 triangles: vec![[0, 1, 2], [0, 2, 3]],
@@ -258,9 +258,9 @@ mod tests {
             triangles: vec![[0, 1, 2], [0, 3, 4]],
             ..Mesh::default()
         };
-        compute(&mut mesh, Weighting::Area);
+        compute(&mut mesh, NormalWeighting::Area);
         assert!(mesh.normals[0].distance(Vec3::new(1.0, 0.0, 6.0).normalize()) < 1e-6);
-        compute(&mut mesh, Weighting::Angle);
+        compute(&mut mesh, NormalWeighting::Angle);
         assert!(mesh.normals[0].distance(Vec3::new(1.0, 0.0, 2.0).normalize()) < 1e-6);
     }
 
@@ -280,7 +280,7 @@ mod tests {
             triangles: vec![[0, 1, 2], [2, 1, 0], [3, 4, 5], [4, 4, 5]],
             ..Mesh::default()
         };
-        for weighting in [Weighting::Area, Weighting::Angle] {
+        for weighting in [NormalWeighting::Area, NormalWeighting::Angle] {
             compute(&mut mesh, weighting);
             assert_eq!(mesh.normals, [Vec3::ZERO; 7]);
         }
@@ -289,7 +289,7 @@ mod tests {
             normals: vec![Vec3::X],
             ..Mesh::default()
         };
-        compute(&mut cloud, Weighting::Area);
+        compute(&mut cloud, NormalWeighting::Area);
         assert_eq!(cloud.normals, []);
     }
 
@@ -309,7 +309,7 @@ mod tests {
             ],
             ..Mesh::default()
         };
-        for weighting in [Weighting::Area, Weighting::Angle] {
+        for weighting in [NormalWeighting::Area, NormalWeighting::Angle] {
             compute(&mut mesh, weighting);
             assert_eq!(mesh.normals, [Vec3::ZERO; 3]);
         }
@@ -326,7 +326,7 @@ mod tests {
             mesh.positions[last - 1] = Vec3::X;
             mesh.positions[last] = Vec3::Y;
             mesh.triangles = vec![[last as u32 - 2, last as u32 - 1, last as u32]];
-            compute(&mut mesh, Weighting::Area);
+            compute(&mut mesh, NormalWeighting::Area);
             assert_eq!(mesh.normals[last - 2..=last], [Vec3::Z; 3]);
             assert_eq!(
                 mesh.normals
@@ -346,7 +346,7 @@ mod tests {
                 triangles: vec![[0, 1, 2]],
                 ..Mesh::default()
             };
-            compute(&mut mesh, Weighting::Area);
+            compute(&mut mesh, NormalWeighting::Area);
             assert_eq!(mesh.normals, [Vec3::Z; 3], "scale {scale}");
         }
     }
@@ -355,7 +355,7 @@ mod tests {
     fn threads_change_nothing() {
         for scatter in [false, true] {
             let mesh = waves(150, scatter);
-            for weighting in [Weighting::Area, Weighting::Angle] {
+            for weighting in [NormalWeighting::Area, NormalWeighting::Angle] {
                 let on = |threads| {
                     let mut mesh = mesh.clone();
                     let pool = rayon::ThreadPoolBuilder::new()
@@ -370,13 +370,15 @@ mod tests {
                 assert_eq!(one, on(2));
                 assert_eq!(one, on(7));
                 // The plain definition, in one loop.
-                let mut sums = vec![Sum::default(); mesh.positions.len()];
+                let mut sums = vec![NormalSum::default(); mesh.positions.len()];
                 for triangle in &mesh.triangles {
                     add(&mut sums, 0, &mesh.positions, triangle, weighting);
                 }
                 assert_eq!(
                     one,
-                    sums.into_iter().map(Sum::direction).collect::<Vec<_>>()
+                    sums.into_iter()
+                        .map(NormalSum::direction)
+                        .collect::<Vec<_>>()
                 );
             }
         }
@@ -385,13 +387,13 @@ mod tests {
     #[test]
     fn known_normals_are_kept() {
         let mut mesh = waves(4, false);
-        assert_eq!(complete(&mut mesh, Weighting::Area), 25);
+        assert_eq!(complete(&mut mesh, NormalWeighting::Area), 25);
         let computed = mesh.normals.clone();
         mesh.normals = vec![Vec3::X; 25];
         mesh.normals[7] = Vec3::ZERO;
-        assert_eq!(complete(&mut mesh, Weighting::Area), 1);
+        assert_eq!(complete(&mut mesh, NormalWeighting::Area), 1);
         assert_eq!(mesh.normals[7], computed[7]);
         assert_eq!(mesh.normals[8], Vec3::X);
-        assert_eq!(complete(&mut mesh, Weighting::Area), 0);
+        assert_eq!(complete(&mut mesh, NormalWeighting::Area), 0);
     }
 }

@@ -36,7 +36,7 @@ pub fn weld(mesh: &mut Mesh) -> usize {
             color,
         ]
     };
-    let Unified { class_of, first } = unify(before as u32, key);
+    let UnifiedVertices { class_of, first } = unify(before as u32, key);
     if first.len() == before {
         return 0;
     }
@@ -64,7 +64,7 @@ fn bits(vector: Vec3) -> [u32; 3] {
     (vector + Vec3::ZERO).to_array().map(f32::to_bits)
 }
 
-struct Unified {
+struct UnifiedVertices {
     /// Number of the set of every item; sets are numbered by first appearance.
     class_of: Vec<u32>,
     /// First item of every set.
@@ -74,7 +74,7 @@ struct Unified {
 /// Numbers the sets of items with equal keys, by open addressing with linear probing. The table grows with the
 /// number of sets, not of items: corners of an STL file are six times as many as its vertices, and a small table
 /// stays in the cache.
-fn unify<const N: usize>(count: u32, key: impl Fn(u32) -> [u32; N]) -> Unified {
+fn unify<const N: usize>(count: u32, key: impl Fn(u32) -> [u32; N]) -> UnifiedVertices {
     const FREE: u32 = u32::MAX;
     // Seeded anew each time, so that no file can be made whose keys all collide; classes do not depend on it.
     let seed = RandomState::new().hash_one(0x5eed_u64);
@@ -115,7 +115,7 @@ fn unify<const N: usize>(count: u32, key: impl Fn(u32) -> [u32; N]) -> Unified {
         };
         class_of.push(class);
     }
-    Unified { class_of, first }
+    UnifiedVertices { class_of, first }
 }
 
 #[cfg(test)]

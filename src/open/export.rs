@@ -26,7 +26,7 @@ pub enum CloudFormat {
 #[derive(Debug, Clone, Default)]
 pub struct ExportOptions {
     /// How the file is read.
-    pub input: input::Options,
+    pub input: input::ReadOptions,
     /// What is kept.
     pub keep: PointFilter,
     /// Of points in one cell of this size only the first is kept, units of the coordinates.
@@ -39,7 +39,7 @@ pub struct ExportReport {
     /// Points of the file, and those written.
     pub points: [u64; 2],
     /// What was repaired or left out.
-    pub warnings: Vec<input::Warning>,
+    pub warnings: Vec<input::ReadWarning>,
 }
 
 /// Reads the cloud of a file (`-` for standard input) and writes what is kept of it, in the order of the file. The file
@@ -102,7 +102,7 @@ pub fn export(
         .any(|part| part.name == "coordinate system")
     {
         let parts = vec!["the coordinate system of the file, which is not written".to_owned()];
-        warnings.push(input::Warning::LeftOut { parts });
+        warnings.push(input::ReadWarning::LeftOut { parts });
     }
     Ok(ExportReport {
         points: [count as u64, kept as u64],

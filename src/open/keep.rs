@@ -2,7 +2,7 @@
 
 use super::OpenedModel;
 use crate::Error;
-use crate::input::{self, FilteredPoints, PointFilter, Warning};
+use crate::input::{self, FilteredPoints, PointFilter, ReadWarning};
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
 use crate::pages::cache::free_memory;
@@ -110,7 +110,7 @@ impl OpenedModel {
         for column in &mut self.attributes.columns {
             column.values.retain(|index| mask.get(index) == Some(&true));
         }
-        self.warnings.push(Warning::PartKept {
+        self.warnings.push(ReadWarning::PartKept {
             kept: self.model.tree.leaves.len() as u64,
             count: mask.len() as u64,
             what,

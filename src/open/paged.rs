@@ -2,7 +2,7 @@
 
 use super::{OpenOptions, SourceContent, SourceFormat, keep};
 use crate::Error;
-use crate::input::{self, Counts};
+use crate::input::{self, FileCounts};
 use crate::pages::file::PagedFile;
 #[cfg(feature = "remote")]
 use crate::pages::format::{MAGIC, is_paged_file};
@@ -27,7 +27,7 @@ pub(super) fn read_pages(
         let model = file.stand_in(file.origin()).map_err(tree::Error::from)?;
         return Ok(SourceContent {
             format: SourceFormat::PagedTree,
-            counts: Counts {
+            counts: FileCounts {
                 vertices: if file.is_surface() {
                     0
                 } else {

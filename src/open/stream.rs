@@ -3,7 +3,7 @@
 use super::{ModelSource, OpenOptions, SourceFormat};
 use crate::Error;
 use crate::generate::GeneratedStream;
-use crate::input::{self, Warning};
+use crate::input::{self, ReadWarning};
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::mesh::stream::{MeshStream, StreamError, StreamFacts, TakePiece, VertexPiece};
 use crate::pages::external::ExternalOptions;
@@ -19,7 +19,7 @@ pub struct OpenedStream {
     /// Size of the file, bytes; 0 without one.
     pub file_bytes: u64,
     /// What was repaired or left out, as far as is known before it is read.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ReadWarning>,
 }
 
 impl std::fmt::Debug for OpenedStream {

@@ -1,14 +1,14 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use super::*;
-use crate::generate::Error as GenerateError;
+use crate::generate::GenerateError;
 use crate::input::Error as InputError;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{Error as TreeError, ModelKind};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 fn opened(source: impl AsRef<Path>) -> Result<OpenedModel, Error> {
-    open(source, &OpenOptions::default(), &Silent)
+    open(source, &OpenOptions::default(), &SilentProgress)
 }
 
 fn asset(name: &str) -> PathBuf {
@@ -42,7 +42,7 @@ fn a_mesh_file_comes_with_its_format_its_counts_and_what_was_left_out() {
     assert_eq!(found.format.to_string(), "PLY (text)");
     assert_eq!(found.file_bytes, PLY.len() as u64);
     assert_eq!((found.counts.vertices, found.counts.faces), (4, 3));
-    assert_eq!(found.warnings, [Warning::FacesTooSmall { count: 1 }]);
+    assert_eq!(found.warnings, [ReadWarning::FacesTooSmall { count: 1 }]);
     assert_eq!(found.model.triangles.len(), 2);
     assert_eq!(found.model.kind(), ModelKind::Surface);
     assert!(found.scene.is_none() && found.load_ms > 0.0 && found.build_ms > 0.0);
@@ -106,7 +106,9 @@ fn options_reach_the_reader() {
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nf 1 2 3\nf 4 3 2\n",
     )
     .unwrap();
-    let used = |options: &OpenOptions| open(&path, options, &Silent).map(|o| o.model.used_vertices);
+    let used = |options: &OpenOptions| {
+        open(&path, options, &SilentProgress).map(|o| o.model.used_vertices)
+    };
     let mut options = OpenOptions::default();
     // Back to back: both edges and corners that they share are sharp.
     assert_eq!(used(&options).unwrap(), 6);
@@ -136,7 +138,7 @@ fn normals_of_a_file_stay_unless_a_crease_angle_is_given() {
     let normals = |crease_degrees: Option<f32>| {
         let mut options = OpenOptions::default();
         options.tree.crease_degrees = crease_degrees;
-        let model = open(&path, &options, &Silent).unwrap().model;
+        let model = open(&path, &options, &SilentProgress).unwrap().model;
         let of = |v: &crate::abi::Vertex| crate::math::octahedral::decode(v.normal);
         model.vertices.iter().map(of).collect::<Vec<_>>()
     };
@@ -355,7 +357,7 @@ fn a_stream_is_read_once_and_decided_by_its_first_bytes() {
             reader: &mut Dripping(bytes),
             expected_bytes: 0,
         };
-        read_stream(stream, false, &OpenOptions::default(), &Silent)
+        read_stream(stream, false, &OpenOptions::default(), &SilentProgress)
     };
     let found = of_bytes(PLY.as_bytes()).unwrap();
     assert_eq!(found.format, SourceFormat::Mesh(Format::PlyAscii));
@@ -509,11 +511,11 @@ fn what_lies_far_off_is_said_and_framed_when_asked_for() {
             frame_all,
             ..OpenOptions::default()
         };
-        open(&path, &options, &Silent).unwrap()
+        open(&path, &options, &SilentProgress).unwrap()
     };
     let robust = open_framing(false);
     assert!(robust.model.orbit_sphere().radius < 20.0);
-    let [Warning::FarOff { vertices: 3, sizes }] = robust.warnings[..] else {
+    let [ReadWarning::FarOff { vertices: 3, sizes }] = robust.warnings[..] else {
         panic!("{:?}", robust.warnings)
     };
     assert!((1500.0..2500.0).contains(&sizes), "{sizes}");
@@ -523,7 +525,7 @@ fn what_lies_far_off_is_said_and_framed_when_asked_for() {
     // A tree file knows it, too.
     let tree_path = folder.path().join("stray.surfel");
     tree::file::write(&all.model, &tree_path).unwrap();
-    let tree = open(&tree_path, &OpenOptions::default(), &Silent).unwrap();
+    let tree = open(&tree_path, &OpenOptions::default(), &SilentProgress).unwrap();
     assert_eq!(tree.model.framed, robust.model.framed);
     assert_eq!(tree.warnings.len(), 1);
 }
@@ -582,7 +584,7 @@ fn a_paged_tree_opens_whole_from_a_file_and_from_a_stream() {
         reader: &mut Dripping(&bytes),
         expected_bytes: 0,
     };
-    let streamed = read_stream(stream, false, &OpenOptions::default(), &Silent).unwrap();
+    let streamed = read_stream(stream, false, &OpenOptions::default(), &SilentProgress).unwrap();
     assert_eq!(streamed.format, SourceFormat::PagedTree);
     assert_eq!(streamed.file_bytes, bytes.len() as u64);
     std::fs::write(&at, &bytes[..bytes.len() - 1]).unwrap();

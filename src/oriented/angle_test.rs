@@ -12,9 +12,9 @@ pub enum FaceWeight {
     /// One.
     #[default]
     Equal,
-    /// Its area.
+    /// The face's area.
     Area,
-    /// Its angle at the corner.
+    /// The face's angle at the corner.
     Angle,
 }
 
@@ -46,7 +46,7 @@ pub fn least_cosine(surface: &WeldedSurface, point: u32, normal: DVec3) -> f64 {
         .fold(1.0, f64::min)
 }
 
-/// Whether each point draws its triangles: where a face lies more than `threshold` (radians) from its normal.
+/// Tells whether each point draws its triangles: where a face lies more than `threshold` (radians) from its normal.
 pub fn flagged(surface: &WeldedSurface, threshold: f64, weight: FaceWeight) -> Vec<bool> {
     let least = threshold.cos();
     (0..surface.points.len() as u32)

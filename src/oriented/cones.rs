@@ -121,7 +121,7 @@ pub const CULL_EYES: u32 = 1000;
 /// Faces that a tree of cones culls.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CullCount {
-    /// Those that turn to the eye: wrongly culled.
+    /// Faces that turn to the eye: wrongly culled.
     pub wrong: usize,
     /// All of them.
     pub culled: usize,
@@ -212,7 +212,7 @@ impl<'s> ConeTree<'s> {
         culled
     }
 
-    /// Whether a face shows its front to an eye, by more than rounding.
+    /// Tells whether a face shows its front to an eye, by more than rounding.
     pub fn is_seen(&self, face: u32, eye: DVec3) -> bool {
         let from_face = eye - self.surface.corners(face)[0];
         self.surface.normals[face as usize].dot(from_face) > self.rounding
@@ -304,7 +304,7 @@ mod tests {
     use super::*;
     use crate::mesh::Mesh;
     use crate::oriented::shapes::{cube, grid, l_shape};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use glam::Vec3;
 
     fn torus() -> Mesh {
@@ -323,7 +323,7 @@ mod tests {
 
     fn culls(mesh: &Mesh, rule: ConeRule) -> [usize; 2] {
         let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
-        let CullCount { wrong, culled } = ConeTree::of_faces(&surface, rule).count(&Silent);
+        let CullCount { wrong, culled } = ConeTree::of_faces(&surface, rule).count(&SilentProgress);
         [wrong, culled]
     }
 
@@ -424,9 +424,9 @@ mod tests {
         );
         let none = WeldedSurface::default();
         let tree = ConeTree::of_faces(&none, ConeRule::Corrected);
-        assert_eq!(tree.count(&Silent), CullCount::default());
+        assert_eq!(tree.count(&SilentProgress), CullCount::default());
         assert_eq!(
-            ConeTree::of_vertices(&none).count(&Silent),
+            ConeTree::of_vertices(&none).count(&SilentProgress),
             CullCount::default()
         );
     }

@@ -15,7 +15,7 @@ pub struct VertexLook {
     pub normal: DVec3,
     /// Red, green, blue, 0..=255; the last is not used.
     pub color: [u8; 4],
-    /// It is in an image, which no splat shows: its faces stay triangles where splats are cut.
+    /// The color is in an image, which no splat shows: faces of the vertex stay triangles where splats are cut.
     pub has_image: bool,
 }
 

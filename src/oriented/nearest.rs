@@ -18,7 +18,7 @@ pub struct FaceBoxes<'s> {
 struct FaceBox {
     low: DVec3,
     high: DVec3,
-    /// Its faces: the first and how many.
+    /// Faces in the box: the first and how many.
     first: u32,
     count: u32,
     /// The first of its two halves, which follow each other; 0 for one that is not divided.

@@ -74,7 +74,7 @@ pub struct OwnPart {
 }
 
 impl OwnPart {
-    /// Its corners, the triangle's first.
+    /// Corners of the polygon, the triangle's first.
     pub fn corners(&self) -> &[DVec3] {
         &self.corners[..self.count]
     }

@@ -63,7 +63,7 @@ pub struct SampleBounds {
 }
 
 impl SampleBounds {
-    /// Those of a mesh. Triangles without area, and with corners that are not there, count too.
+    /// Bounds of a mesh. Triangles without area, and with corners that are not there, count too.
     pub fn of(position: impl Fn(u32) -> Option<Vec3>, triangles: &[[u32; 3]]) -> Self {
         let mut bounds = Self::default();
         let mut sides = Vec::with_capacity(triangles.len());
@@ -342,7 +342,7 @@ impl PlacedSamples<'_> {
             .filter(move |splat| splat.normal.as_dvec3().dot(normal) > 0.0)
     }
 
-    /// Whether a sample covers a place on the surface.
+    /// Tells whether a sample covers a place on the surface.
     fn covers(&self, at: DVec3, normal: DVec3) -> bool {
         self.near(at, normal).any(|splat| {
             let from_center = at - splat.center.as_dvec3();

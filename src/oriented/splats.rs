@@ -50,7 +50,7 @@ impl SplatRules {
 /// Primitive that a leaf of a tree over points is drawn as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LevelLeaf {
-    /// Its splats.
+    /// The leaf's splats.
     Splats,
     /// The triangles around it.
     Triangles,

@@ -1,7 +1,7 @@
 //! From a cut to filtered splats: each patch of surface by its integrals, as the eye sees them.
 //!
 //! A node carries, over its triangles t of area A_t, unit normal n_t and shading normal s_t, the sums A = Σ A_t,
-//! c = Σ A_t p_t / A, N = Σ A_t n_t and Q = Σ A_t (n_t s_tᵀ + s_t n_tᵀ) / 2 ([`crate::tree::Moments`]). From an eye at e,
+//! c = Σ A_t p_t / A, N = Σ A_t n_t and Q = Σ A_t (n_t s_tᵀ + s_t n_tᵀ) / 2 ([`crate::tree::SurfaceMoments`]). From an eye at e,
 //! with w = e - c, v = w / |w|, the depth z along the view direction and the focal length f in pixels:
 //!
 //! * an area element dA of normal n covers f² dA (n·w) / z³ of the picture plane, so a patch that faces the eye
@@ -48,16 +48,16 @@ use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::cut::{Cut, StripRun, strip_steps};
 use crate::math::camera::View;
 use crate::math::octahedral;
-use crate::pack::filtered::patch::{Patch, in_pieces};
-use crate::pack::filtered::patch_x4::{Four, Size, Slope, Vectors};
-use crate::pack::filtered::projection::Projection;
-use crate::pack::filtered::strip_batches::{Group, RowGroup};
+use crate::pack::filtered::patch::{SummedPatch, in_pieces};
+use crate::pack::filtered::patch_x4::{ColorSlope, FourPatches, SplatSizes, Vectors};
+use crate::pack::filtered::projection::PictureProjection;
+use crate::pack::filtered::strip_batches::{RowGroup, WaitingLeaves};
 use crate::pack::filtered::triangle_patches::{Triangle, piece_color, triangle_of};
 use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
 use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
-use crate::pack::parallel::Sink;
-use crate::pack::{ColorBy, Lighting, Phong, Source};
+use crate::pack::parallel::RecordSink;
+use crate::pack::{ColorBy, LampSource, Phong, SurfaceLighting};
 use crate::tree::{Leaf, Model, Node, Tree};
 use glam::{Vec3, Vec4};
 use prefetch_index::prefetch_index;
@@ -80,7 +80,7 @@ const MARGIN_PX: f32 = 2.0;
 
 /// What the weights of a frame depend on besides the model.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shade {
+pub struct FilteredShade {
     /// Side of the square of a node, pixels.
     pub side_px: f32,
     /// Largest point that the device draws, pixels.
@@ -100,33 +100,33 @@ pub struct Shade {
     /// Distances of [`ColorBy::Depth`]: [`falsecolor::depth_range`](crate::pack::falsecolor::depth_range).
     pub depth_range: [f32; 2],
     /// How surfaces are lit; positions in model space.
-    pub light: Lighting,
+    pub light: SurfaceLighting,
 }
 
 /// The part of the frame that every splat needs.
-struct Eye<'a> {
+struct FilteredEye<'a> {
     tree: &'a Tree,
     view: &'a View,
-    shade: Shade,
+    shade: FilteredShade,
     /// Pixels of a model unit at distance 1 (perspective), or everywhere.
     focal_px: f32,
     /// Distance along the view direction of a point in model units: of its coordinates, and alone.
     forward: Vec4,
-    projection: Projection,
+    projection: PictureProjection,
     /// Depth offset in half sides.
     offset_px: f32,
     /// To the right and up in the picture, unit vectors in model space.
     right: Vec3,
     up: Vec3,
     /// What surfaces make of the lamp, and the lamp; none with the headlight.
-    lamp: Option<(Phong, Source)>,
+    lamp: Option<(Phong, LampSource)>,
     /// Lights that go with the camera.
     sphere: Option<SphereLights>,
 }
 
-impl Eye<'_> {
+impl FilteredEye<'_> {
     /// The mean shading normal of a patch, zero where there is none.
-    fn normal(&self, patch: &Patch) -> Vec3 {
+    fn normal(&self, patch: &SummedPatch) -> Vec3 {
         match patch.node {
             _ if patch.is_bare => Vec3::ZERO,
             Some(id) => octahedral::decode(self.tree.attributes[id as usize].normal),
@@ -138,7 +138,7 @@ impl Eye<'_> {
     fn on_sphere(
         &self,
         sphere: &SphereLights,
-        patch: &Patch,
+        patch: &SummedPatch,
         v: Vec3,
         color: [f32; 3],
     ) -> [f32; 3] {
@@ -160,15 +160,15 @@ impl Eye<'_> {
     fn in_lamp(
         &self,
         phong: &Phong,
-        source: Source,
-        patch: &Patch,
+        source: LampSource,
+        patch: &SummedPatch,
         center: Vec3,
         v: Vec3,
         both: f32,
     ) -> (f32, f32) {
         let l = match source {
-            Source::Point(lamp) => (lamp - center.as_dvec3()).normalize_or_zero().as_vec3(),
-            Source::Direction(direction) => direction.as_vec3(),
+            LampSource::Point(lamp) => (lamp - center.as_dvec3()).normalize_or_zero().as_vec3(),
+            LampSource::Direction(direction) => direction.as_vec3(),
         };
         // Two-sided as it stands: an element of either side is lit when lamp and eye are on the same side of it.
         let of_second = v.dot(patch.second_moment * l);
@@ -201,13 +201,13 @@ impl Eye<'_> {
 
 /// Splats in a list, with gaps between them.
 #[derive(Debug)]
-pub struct Written {
+pub struct GappedSplats {
     parts: Vec<Range<usize>>,
     /// The splats by the rows that they touch, for [`crate::render::cpu::filtered::draw`].
     pub groups: ScreenGroups,
 }
 
-impl Written {
+impl GappedSplats {
     /// Moves them together to the start of the list; how many they are.
     pub fn close_gaps(&self, out: &mut [FilteredSplat]) -> usize {
         parallel::close_gaps(&self.parts, out)
@@ -228,7 +228,7 @@ pub fn splats(
     cut: &Cut,
     first_large: FirstLarge,
     view: &View,
-    shade: Shade,
+    shade: FilteredShade,
     out: &mut [FilteredSplat],
 ) -> usize {
     write(model, cut, first_large, view, shade, out).close_gaps(out)
@@ -243,11 +243,11 @@ pub fn write(
     cut: &Cut,
     first_large: FirstLarge,
     view: &View,
-    shade: Shade,
+    shade: FilteredShade,
     out: &mut [FilteredSplat],
-) -> Written {
+) -> GappedSplats {
     let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
-    let eye = Eye {
+    let eye = FilteredEye {
         tree: &model.tree,
         view,
         shade,
@@ -257,17 +257,17 @@ pub fn write(
             view.focal_px() * view.model_scale
         },
         forward: -view.view_from_model.row(2) / view.model_scale,
-        projection: Projection::new(view),
+        projection: PictureProjection::new(view),
         offset_px: shade.depth_offset,
         right: axis(0),
         up: axis(1),
         lamp: match shade.light {
-            Lighting::Headlight | Lighting::Sphere(_) => None,
-            Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
+            SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => None,
+            SurfaceLighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
         },
         sphere: match shade.light {
-            Lighting::Headlight | Lighting::Phong(_) => None,
-            Lighting::Sphere(sphere) => Some(sphere.lights()),
+            SurfaceLighting::Headlight | SurfaceLighting::Phong(_) => None,
+            SurfaceLighting::Sphere(sphere) => Some(sphere.lights()),
         },
     };
     let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();
@@ -281,23 +281,23 @@ pub fn write(
     let parts = (cut
         .nodes
         .chunks(parallel::PART)
-        .map(|p| (Part::Nodes(p), p.len())))
+        .map(|p| (FilteredPart::Nodes(p), p.len())))
     .chain(
         cut.strips
             .chunks(parallel::PART)
-            .map(|p| (Part::Rows(p), of_rows(p))),
+            .map(|p| (FilteredPart::Rows(p), of_rows(p))),
     )
     .chain(
         small
             .chunks(parallel::PART)
-            .map(|p| (Part::Leaves(p), p.len())),
+            .map(|p| (FilteredPart::Leaves(p), p.len())),
     )
     .chain(
         large
             .chunks(parallel::PART)
-            .map(|p| (Part::Large(p), of_large(p))),
+            .map(|p| (FilteredPart::Large(p), of_large(p))),
     );
-    let parts: Vec<(Part<'_>, usize)> = parts.collect();
+    let parts: Vec<(FilteredPart<'_>, usize)> = parts.collect();
     let mut groups: Vec<ScreenGroups> = parts.iter().map(|_| ScreenGroups::default()).collect();
     let mut first = 0;
     let jobs = parts.into_iter().zip(&mut groups);
@@ -308,21 +308,21 @@ pub fn write(
     });
     let parts = parallel::write_apart(jobs.collect(), out, |(part, first, groups), sink| {
         match part {
-            Part::Nodes(ids) => eye.nodes(model, ids, sink),
-            Part::Rows(rows) => eye.rows(model, rows, sink),
-            Part::Leaves(ids) => eye.leaves(model, ids, None, sink),
-            Part::Large(ids) => eye.leaves(model, ids, Some(first_large.halved_px), sink),
+            FilteredPart::Nodes(ids) => eye.nodes(model, ids, sink),
+            FilteredPart::Rows(rows) => eye.rows(model, rows, sink),
+            FilteredPart::Leaves(ids) => eye.leaves(model, ids, None, sink),
+            FilteredPart::Large(ids) => eye.leaves(model, ids, Some(first_large.halved_px), sink),
         }
         // While they are in the cache.
         groups.add(first, sink.written());
     });
     let mut all = ScreenGroups::default();
     groups.into_iter().for_each(|groups| all.append(groups));
-    Written { parts, groups: all }
+    GappedSplats { parts, groups: all }
 }
 
 /// What one thread writes at a time.
-enum Part<'a> {
+enum FilteredPart<'a> {
     Nodes(&'a [u32]),
     Rows(&'a [StripRun]),
     Leaves(&'a [u32]),
@@ -330,10 +330,10 @@ enum Part<'a> {
     Large(&'a [u32]),
 }
 
-impl Eye<'_> {
+impl FilteredEye<'_> {
     /// The size of a splat that stands for all of a patch no larger than the threshold.
-    fn dense(&self) -> Size {
-        Size {
+    fn dense(&self) -> SplatSizes {
+        SplatSizes {
             share: Vec4::ONE,
             is_row: false,
             step: [Vec4::ZERO; 3],
@@ -352,28 +352,28 @@ impl Eye<'_> {
         self.shade.side_px * z / self.focal_px
     }
 
-    fn nodes(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+    fn nodes(&self, model: &Model, ids: &[u32], sink: &mut RecordSink<'_, FilteredSplat>) {
         let size = self.dense();
         let is_cloud = model.kind().is_points();
         for (index, group) in ids.chunks(4).enumerate() {
             for &next in ids.iter().skip(4 * index + parallel::AHEAD).take(4) {
                 ask_for(model, next);
             }
-            let four = Four::of_nodes(model, filled(group));
+            let four = FourPatches::of_nodes(model, filled(group));
             if is_cloud && four.has_nothing() {
                 self.points(model, group, sink);
                 continue;
             }
             let seen = self.seen(&four);
             let colors = self.lit(&four, &seen);
-            let patch = |lane: usize| Patch::of_node(model, group[lane]);
+            let patch = |lane: usize| SummedPatch::of_node(model, group[lane]);
             let group = (&four, &seen, group.len());
             self.splats(group, &size, &colors, patch, |splat| sink.point(splat));
         }
     }
 
     /// Nodes of a cloud, some of which are points in one place.
-    fn points(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+    fn points(&self, model: &Model, ids: &[u32], sink: &mut RecordSink<'_, FilteredSplat>) {
         let size = self.dense();
         for &id in ids {
             let (node, attributes) = (
@@ -381,23 +381,23 @@ impl Eye<'_> {
                 &model.tree.attributes[id as usize],
             );
             let four = if attributes.area > 0.0 {
-                Four::of_nodes(model, [id; 4])
+                FourPatches::of_nodes(model, [id; 4])
             } else {
                 let normal = attributes.has_normal().then(|| attributes.normal());
                 let side = self.side_at(node.center);
-                let patch = Patch::alone(node.center, normal, attributes.color, side);
-                Four::of_points([&patch; 4])
+                let patch = SummedPatch::alone(node.center, normal, attributes.color, side);
+                FourPatches::of_points([&patch; 4])
             };
             let seen = self.seen(&four);
             let colors = self.lit(&four, &seen);
-            let patch = |_| Patch::of_node(model, id);
+            let patch = |_| SummedPatch::of_node(model, id);
             self.splats((&four, &seen, 1), &size, &colors, patch, |splat| {
                 sink.point(splat)
             });
         }
     }
 
-    fn rows(&self, model: &Model, rows: &[StripRun], sink: &mut Sink<'_, FilteredSplat>) {
+    fn rows(&self, model: &Model, rows: &[StripRun], sink: &mut RecordSink<'_, FilteredSplat>) {
         let nodes: &[Node] = &model.tree.nodes;
         // Splats of several rows together, so that no lane is idle.
         let mut group = RowGroup::default();
@@ -426,7 +426,7 @@ impl Eye<'_> {
                 .flatten();
             if let Some(slope) = &slope {
                 self.row_group(model, &mut group, None, sink);
-                let of_row = Four::of_nodes(model, [id; 4]);
+                let of_row = FourPatches::of_nodes(model, [id; 4]);
                 let mean = self.lit(&of_row, &self.seen(&of_row));
                 let slope = (slope, &mean, of_row.center);
                 for i in 0..count {
@@ -451,25 +451,25 @@ impl Eye<'_> {
         &self,
         model: &Model,
         group: &mut RowGroup,
-        slope: Option<(&Slope, &Vectors, Vectors)>,
-        sink: &mut Sink<'_, FilteredSplat>,
+        slope: Option<(&ColorSlope, &Vectors, Vectors)>,
+        sink: &mut RecordSink<'_, FilteredSplat>,
     ) {
         let Some(ids) = group.ids.get(..group.count).filter(|ids| !ids.is_empty()) else {
             return;
         };
-        let four = Four::of_nodes(model, filled(ids)).at(group.centers);
+        let four = FourPatches::of_nodes(model, filled(ids)).at(group.centers);
         let seen = self.seen(&four);
         let colors = match slope {
             Some((slope, mean, middle)) => slope.from(mean, middle, &four),
             None => self.lit(&four, &seen),
         };
-        let size = Size {
+        let size = SplatSizes {
             share: Vec4::from_array(group.shares),
             is_row: true,
             step: patch_x4::vectors(group.steps),
             ..self.dense()
         };
-        let patch = |lane: usize| Patch::of_node(model, ids[lane]);
+        let patch = |lane: usize| SummedPatch::of_node(model, ids[lane]);
         let splats = (&four, &seen, ids.len());
         self.splats(splats, &size, &colors, patch, |splat| sink.point(splat));
         group.count = 0;
@@ -477,7 +477,7 @@ impl Eye<'_> {
 
     /// How the color changes along the row of a node: as it does between its children, or where these lie side by side
     /// (needles do), between theirs.
-    fn slope(&self, model: &Model, node: &Node) -> Option<Slope> {
+    fn slope(&self, model: &Model, node: &Node) -> Option<ColorSlope> {
         let mut parent = *node;
         for _ in 0..SLOPE_LEVELS {
             let (first, count) = (
@@ -486,17 +486,17 @@ impl Eye<'_> {
             );
             let ids = [0, 1, 2, 3].map(|i: u32| first + i.min(count - 1));
             let four = if !parent.has_leaves() {
-                Four::of_nodes(model, ids)
+                FourPatches::of_nodes(model, ids)
             } else if model.kind().is_surface() {
                 let triangles = ids.map(|leaf| triangle_of(model, leaf as usize));
-                Four::of_triangles(triangles.each_ref())
+                FourPatches::of_triangles(triangles.each_ref())
             } else {
                 return None;
             };
             let seen = self.seen(&four);
             let colors = self.lit(&four, &seen);
             let lanes = seen.lanes & ((1 << count) - 1);
-            let slope = Slope::new((&four, lanes), seen.front, &colors, node);
+            let slope = ColorSlope::new((&four, lanes), seen.front, &colors, node);
             if slope.is_some() || parent.has_leaves() || lanes == 0 {
                 return slope;
             }
@@ -512,7 +512,7 @@ impl Eye<'_> {
         model: &Model,
         ids: &[u32],
         halved_px: Option<f32>,
-        sink: &mut Sink<'_, FilteredSplat>,
+        sink: &mut RecordSink<'_, FilteredSplat>,
     ) {
         let (view, shade) = (self.view, &self.shade);
         let Some(&first) = ids.first() else {
@@ -522,7 +522,7 @@ impl Eye<'_> {
             return self.leaf_points(model, ids, sink);
         }
         let textures = model.textures.as_deref();
-        let mut group = Group::new(self, triangle_of(model, first as usize));
+        let mut group = WaitingLeaves::new(self, triangle_of(model, first as usize));
         for (index, &leaf) in ids.iter().enumerate() {
             if let Some(&next) = ids.get(index + parallel::AHEAD) {
                 // Which corners it has was asked for when it was twice as far.
@@ -558,21 +558,21 @@ impl Eye<'_> {
     }
 
     /// Leaves of a cloud.
-    fn leaf_points(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+    fn leaf_points(&self, model: &Model, ids: &[u32], sink: &mut RecordSink<'_, FilteredSplat>) {
         let (view, shade) = (self.view, &self.shade);
         let leaves: &[Leaf] = &model.tree.leaves;
         let patch_of = |leaf: u32| {
             let point = &model.vertices[leaf as usize];
             match leaves[leaf as usize].radius {
-                radius if radius > 0.0 => Patch::of_point(point, radius),
+                radius if radius > 0.0 => SummedPatch::of_point(point, radius),
                 _ => {
                     let normal = (point.color[3] != 0).then(|| octahedral::decode(point.normal));
                     let side = self.side_at(point.position);
-                    Patch::alone(point.position, normal, point.color, side)
+                    SummedPatch::alone(point.position, normal, point.color, side)
                 }
             }
         };
-        let mut group = Group::new(self, patch_of(ids[0]));
+        let mut group = WaitingLeaves::new(self, patch_of(ids[0]));
         for &leaf in ids {
             let diameter_px = diameter_px(model, leaf, view);
             let is_own = diameter_px > shade.side_px;

@@ -13,12 +13,15 @@
 use crate::abi::constants::{FULL_HIGHLIGHT, LARGEST_SMALL_BLENDED_PX, LEAST_BACK};
 use crate::abi::{FuzzySplat, WeightedSplat};
 use crate::cut::Cut;
-use crate::math::camera::{Light, View};
-use crate::pack::light::{Lighting, Phong, Source};
+use crate::math::camera::{HeadlightSource, View};
+use crate::pack::light::{LampSource, Phong, SurfaceLighting};
 use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
-use crate::pack::parallel::Sink;
-use crate::pack::splats::{Named, Out, Packed, Plan, Record as _, Writer, count, parts_of};
+use crate::pack::parallel::RecordSink;
+use crate::pack::splats::{
+    NumberedSplat, PackedSplats, SplatOutput, SplatPlan, SplatRecord as _, SplatWriter, count,
+    parts_of,
+};
 use crate::pack::{ALBEDO, ColorBy, Footprint};
 use crate::tree::Model;
 use bytemuck::Zeroable;
@@ -29,9 +32,9 @@ const LEAST_RATIO: f32 = 0.1;
 /// The least cosine under which a patch is taken to be seen.
 const LEAST_FACING: f32 = 0.02;
 
-/// How fuzzy splats look, besides their [`Plan`].
+/// How fuzzy splats look, besides their [`SplatPlan`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Look {
+pub struct FuzzyLook {
     /// Weights fall off, and where the area of a patch is known add up to it.
     pub is_gauss: bool,
     /// Factor of the depth offset, see [`crate::render::Settings::depth_offset`].
@@ -45,13 +48,13 @@ pub struct Look {
     /// What decides the color; no data ([`ColorBy::is_data`]).
     pub color_by: ColorBy,
     /// How surfaces are lit; positions in model space.
-    pub light: Lighting,
+    pub light: SurfaceLighting,
 }
 
 /// What was written: small splats with their places from the start of the list; up to its end [`WeightedSplat`]s that are
 /// larger than [`LARGEST_SMALL_BLENDED_PX`], each in the first bytes of a record, first those to draw as points.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Placed {
+pub struct PlacedFuzzy {
     /// Number of small splats. Those that lie nowhere in the picture's depth count too; they cover no pixel.
     pub small: usize,
     /// Number of larger ones that are points.
@@ -60,7 +63,7 @@ pub struct Placed {
     pub quads: usize,
 }
 
-impl Placed {
+impl PlacedFuzzy {
     /// Number of all of them.
     pub fn all(&self) -> usize {
         self.small + self.points + self.quads
@@ -75,13 +78,13 @@ pub fn pack(
     model: &Model,
     cut: &Cut,
     view: &View,
-    (plan, look): (&Plan, &Look),
+    (plan, look): (&SplatPlan, &FuzzyLook),
     out: &mut [FuzzySplat],
-) -> Placed {
-    let writer = Writer::new(model, view, plan);
-    let eye = Eye::new(view, plan, look);
-    let Packed { points, quads } = parallel::write(parts_of(cut, plan), out, |part, sink| {
-        let mut four = Four::new(&eye, sink);
+) -> PlacedFuzzy {
+    let writer = SplatWriter::new(model, view, plan);
+    let eye = FuzzyEye::new(view, plan, look);
+    let PackedSplats { points, quads } = parallel::write(parts_of(cut, plan), out, |part, sink| {
+        let mut four = WaitingSplats::new(&eye, sink);
         writer.part(part, &mut four);
         four.finish();
     });
@@ -90,7 +93,7 @@ pub fn pack(
     // Stable, so that the list does not depend on threads.
     large.sort_by_key(is_quad);
     let of_points = large.partition_point(|r| !is_quad(r));
-    Placed {
+    PlacedFuzzy {
         small: points,
         points: of_points,
         quads: quads - of_points,
@@ -111,15 +114,15 @@ fn is_quad(large: &FuzzySplat) -> bool {
 }
 
 /// Splats that wait until they are four.
-struct Four<'e, 's, 'o> {
-    eye: &'e Eye<'e>,
-    sink: &'s mut Sink<'o, FuzzySplat>,
+struct WaitingSplats<'e, 's, 'o> {
+    eye: &'e FuzzyEye<'e>,
+    sink: &'s mut RecordSink<'o, FuzzySplat>,
     waiting: [WeightedSplat; 4],
     count: usize,
 }
 
-impl<'e, 's, 'o> Four<'e, 's, 'o> {
-    fn new(eye: &'e Eye<'e>, sink: &'s mut Sink<'o, FuzzySplat>) -> Self {
+impl<'e, 's, 'o> WaitingSplats<'e, 's, 'o> {
+    fn new(eye: &'e FuzzyEye<'e>, sink: &'s mut RecordSink<'o, FuzzySplat>) -> Self {
         Self {
             eye,
             sink,
@@ -148,9 +151,9 @@ impl<'e, 's, 'o> Four<'e, 's, 'o> {
     }
 }
 
-impl Out for Four<'_, '_, '_> {
+impl SplatOutput for WaitingSplats<'_, '_, '_> {
     #[inline]
-    fn point(&mut self, named: &Named) {
+    fn point(&mut self, named: &NumberedSplat) {
         self.waiting[self.count] = WeightedSplat::of(named);
         self.count += 1;
         if self.count == 4 {
@@ -158,15 +161,20 @@ impl Out for Four<'_, '_, '_> {
         }
     }
 
-    fn quad(&mut self, named: &Named) {
+    fn quad(&mut self, named: &NumberedSplat) {
         self.sink.quad(large(WeightedSplat::of(named), true));
     }
 }
 
 impl FuzzySplat {
     /// One splat with its place in the picture; none where it is larger than [`LARGEST_SMALL_BLENDED_PX`].
-    pub fn new(splat: WeightedSplat, view: &View, plan: &Plan, look: &Look) -> Option<Self> {
-        let (records, is_large) = Eye::new(view, plan, look).place(&[splat; 4]);
+    pub fn new(
+        splat: WeightedSplat,
+        view: &View,
+        plan: &SplatPlan,
+        look: &FuzzyLook,
+    ) -> Option<Self> {
+        let (records, is_large) = FuzzyEye::new(view, plan, look).place(&[splat; 4]);
         (is_large & 1 == 0).then_some(records[0])
     }
 }
@@ -185,8 +193,8 @@ fn columns([a, b, c, d]: [Vec4; 4]) -> [Vec4; 4] {
 }
 
 /// The part of a frame that every splat needs, each number four times.
-struct Eye<'a> {
-    look: &'a Look,
+struct FuzzyEye<'a> {
+    look: &'a FuzzyLook,
     is_perspective: bool,
     footprint: Footprint,
     /// Light along the view direction.
@@ -207,12 +215,12 @@ struct Eye<'a> {
     /// Half the side of splats without a radius of their own, at distance 1.
     half_size: Vec4,
     depth_offset: Vec4,
-    lamp: Option<(Phong, Source)>,
+    lamp: Option<(Phong, LampSource)>,
     sphere: Option<SphereLights>,
 }
 
-impl<'a> Eye<'a> {
-    fn new(view: &View, plan: &Plan, look: &'a Look) -> Self {
+impl<'a> FuzzyEye<'a> {
+    fn new(view: &View, plan: &SplatPlan, look: &'a FuzzyLook) -> Self {
         let clip = view.clip_from_view();
         let [sx, sy] = view.scale;
         let [ox, oy] = view.offset;
@@ -231,7 +239,7 @@ impl<'a> Eye<'a> {
             look,
             is_perspective: view.is_perspective,
             footprint: plan.footprint,
-            is_parallel: view.light == Light::Directional || !view.is_perspective,
+            is_parallel: view.light == HeadlightSource::Directional || !view.is_perspective,
             turn: rows.map(|[x, y, z, _]| [x, y, z].map(|c| c * inverse_scale)),
             rows,
             depth: [clip.z_axis.z, clip.w_axis.z].map(Vec4::splat),
@@ -244,12 +252,12 @@ impl<'a> Eye<'a> {
             half_size: Vec4::splat(0.5 * plan.threshold_px.max(1.0) / view.focal_px()),
             depth_offset: Vec4::splat(look.depth_offset),
             lamp: match look.light {
-                Lighting::Headlight | Lighting::Sphere(_) => None,
-                Lighting::Phong(phong) => Some((phong, phong.lamp.in_view(view))),
+                SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => None,
+                SurfaceLighting::Phong(phong) => Some((phong, phong.lamp.in_view(view))),
             },
             sphere: match look.light {
-                Lighting::Headlight | Lighting::Phong(_) => None,
-                Lighting::Sphere(sphere) => Some(sphere.lights()),
+                SurfaceLighting::Headlight | SurfaceLighting::Phong(_) => None,
+                SurfaceLighting::Sphere(sphere) => Some(sphere.lights()),
             },
         }
     }
@@ -487,7 +495,7 @@ impl<'a> Eye<'a> {
     fn in_lamp(
         &self,
         phong: &Phong,
-        source: Source,
+        source: LampSource,
         (position, to_eye): (Vec3, Vec3),
         normal: Option<Vec3>,
         color: Vec3,
@@ -497,8 +505,8 @@ impl<'a> Eye<'a> {
             return albedo;
         };
         let to_lamp = match source {
-            Source::Point(lamp) => (lamp.as_vec3() - position).normalize_or_zero(),
-            Source::Direction(direction) => direction.as_vec3(),
+            LampSource::Point(lamp) => (lamp.as_vec3() - position).normalize_or_zero(),
+            LampSource::Direction(direction) => direction.as_vec3(),
         };
         let is_back = !self.look.cull_back && normal.dot(to_eye) < -LEAST_BACK;
         // The side that is seen is the other one; lit from the front only, it has no light of the lamp.

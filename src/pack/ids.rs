@@ -5,13 +5,13 @@ use crate::abi::SplatId;
 use crate::cut::{Cut, SizeMetric, ZeroAreaSet};
 use crate::math::camera::View;
 use crate::pack::parallel;
-use crate::pack::parallel::Sink;
+use crate::pack::parallel::RecordSink;
 use crate::pack::splats;
-use crate::pack::splats::{Packed, Part, Plan, parts_of};
+use crate::pack::splats::{PackedPart, PackedSplats, SplatPlan, parts_of};
 use crate::tree::Model;
 
 /// Why the splats of a cut by this plan are more than what the model has under their numbers; `None` where they are not.
-pub fn why_not(plan: &Plan) -> Option<&'static str> {
+pub fn why_not(plan: &SplatPlan) -> Option<&'static str> {
     if plan.by_level {
         Some("colors by level are the host's; use another --color-by")
     } else if plan.cut_view.is_some() {
@@ -28,9 +28,9 @@ pub fn why_not(plan: &Plan) -> Option<&'static str> {
 pub fn pack(
     model: &Model,
     undrawn: &ZeroAreaSet,
-    (cut, view, plan): (&Cut, &View, &Plan),
+    (cut, view, plan): (&Cut, &View, &SplatPlan),
     out: &mut [SplatId],
-) -> Packed {
+) -> PackedSplats {
     // Then nothing but the number decides where it goes.
     let is_plain = plan.fits_always(model.kind()) && plan.size == SizeMetric::Exact;
     if !is_plain {
@@ -41,20 +41,20 @@ pub fn pack(
     })
 }
 
-fn plain(undrawn: &ZeroAreaSet, part: Part<'_>, sink: &mut Sink<'_, SplatId>) {
+fn plain(undrawn: &ZeroAreaSet, part: PackedPart<'_>, sink: &mut RecordSink<'_, SplatId>) {
     match part {
-        Part::Nodes(ids) => {
+        PackedPart::Nodes(ids) => {
             let drawn = ids.iter().filter(|&&id| !undrawn.has_node(id));
             drawn.for_each(|&id| sink.point(SplatId::node(id)));
         }
-        Part::Rows(rows) => {
+        PackedPart::Rows(rows) => {
             for row in rows.iter().filter(|row| !undrawn.has_node(row.node)) {
                 for i in (0..row.count).filter(|&i| row.is_seen(i)) {
                     sink.point(SplatId::of_row(row.node, row.count, i));
                 }
             }
         }
-        Part::Leaves(ids) | Part::Large(ids) => {
+        PackedPart::Leaves(ids) | PackedPart::Large(ids) => {
             let drawn = ids.iter().filter(|&&id| !undrawn.has_leaf(id));
             drawn.for_each(|&id| sink.point(SplatId::leaf(id)));
         }

@@ -21,8 +21,8 @@ use glam::{DMat4, DVec3};
 
 /// How surfaces are lit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Lighting {
-    /// Light in the eye, see [`crate::math::camera::Light`]: 0.8 |n . l|.
+pub enum SurfaceLighting {
+    /// Light in the eye, see [`crate::math::camera::HeadlightSource`]: 0.8 |n . l|.
     #[default]
     Headlight,
     /// One lamp.
@@ -31,8 +31,8 @@ pub enum Lighting {
     Sphere(LitSphere),
 }
 
-impl Lighting {
-    /// Whether a gray surface is gray in it.
+impl SurfaceLighting {
+    /// Tells whether a gray surface is gray in it.
     pub fn is_gray(self) -> bool {
         match self {
             Self::Headlight | Self::Phong(_) => true,
@@ -97,13 +97,13 @@ pub enum Lamp {
         /// Angle above the camera's horizontal plane.
         elevation: f64,
     },
-    /// A point: of the world in [`crate::render::Settings`], of the model in [`crate::pack::Style`].
+    /// A point: of the world in [`crate::render::Settings`], of the model in [`crate::pack::PrimitiveStyle`].
     At(DVec3),
 }
 
 /// A lamp as seen from the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Source {
+pub enum LampSource {
     /// Unit vector towards parallel light.
     Direction(DVec3),
     /// Position of a point light.
@@ -112,31 +112,31 @@ pub enum Source {
 
 impl Lamp {
     /// In view space; of a lamp whose position is one of the model.
-    pub fn in_view(self, view: &View) -> Source {
+    pub fn in_view(self, view: &View) -> LampSource {
         match self {
             Self::FromCamera { azimuth, elevation } => {
                 let (sin_a, cos_a) = azimuth.sin_cos();
                 let (sin_e, cos_e) = elevation.sin_cos();
-                Source::Direction(DVec3::new(cos_e * sin_a, sin_e, cos_e * cos_a))
+                LampSource::Direction(DVec3::new(cos_e * sin_a, sin_e, cos_e * cos_a))
             }
             Self::At(position) => {
-                Source::Point(view.view_from_model.as_dmat4().transform_point3(position))
+                LampSource::Point(view.view_from_model.as_dmat4().transform_point3(position))
             }
         }
     }
 
     /// In model space; of a lamp whose position is one of the model.
-    pub fn in_model(self, view: &View) -> Source {
+    pub fn in_model(self, view: &View) -> LampSource {
         let model_from_view = || -> DMat4 { view.view_from_model.as_dmat4().inverse() };
         match self {
-            Self::At(position) => Source::Point(position),
+            Self::At(position) => LampSource::Point(position),
             Self::FromCamera { .. } => match self.in_view(view) {
-                Source::Direction(direction) => Source::Direction(
+                LampSource::Direction(direction) => LampSource::Direction(
                     model_from_view()
                         .transform_vector3(direction)
                         .normalize_or_zero(),
                 ),
-                point @ Source::Point(_) => point,
+                point @ LampSource::Point(_) => point,
             },
         }
     }
@@ -163,12 +163,12 @@ mod tests {
                 azimuth: f64::to_radians(azimuth),
                 elevation: f64::to_radians(elevation),
             };
-            let Source::Direction(got) = lamp.in_view(&view) else {
+            let LampSource::Direction(got) = lamp.in_view(&view) else {
                 panic!("{lamp:?} is parallel light")
             };
             assert!(got.distance(wanted) < 1e-12, "{got} is not {wanted}");
             // What comes from the camera in model space is the camera's own axis.
-            let Source::Direction(in_model) = lamp.in_model(&view) else {
+            let LampSource::Direction(in_model) = lamp.in_model(&view) else {
                 panic!("{lamp:?} is parallel light")
             };
             let back = view.view_from_model.as_dmat4().transform_vector3(in_model);
@@ -180,10 +180,10 @@ mod tests {
             lamp: Lamp::At(eye),
             ..Phong::default()
         };
-        let Lighting::Phong(phong) = Lighting::Phong(phong).in_model(origin) else {
+        let SurfaceLighting::Phong(phong) = SurfaceLighting::Phong(phong).in_model(origin) else {
             panic!("still a lamp")
         };
-        let Source::Point(in_view) = phong.lamp.in_view(&view) else {
+        let LampSource::Point(in_view) = phong.lamp.in_view(&view) else {
             panic!("a position is a point light")
         };
         assert!(in_view.length() < 1e-5, "{in_view}");

@@ -11,7 +11,7 @@
 //! value   = 0.8 C diffuse + sum specular_i g_i max(0, n . h_i)^shininess + rim (1 - n.z)^rim_power
 //! ```
 //!
-//! limited to 1, with g and the sides of a surface as in [`crate::pack::Lighting`]. Each pixel or splat has a frame of its own, so
+//! limited to 1, with g and the sides of a surface as in [`crate::pack::SurfaceLighting`]. Each pixel or splat has a frame of its own, so
 //! that a sphere anywhere in the picture is lit as one in its middle.
 
 use crate::abi::FrameConstants;
@@ -36,7 +36,7 @@ pub enum LitSphere {
 pub struct SphereLights {
     /// Unit vectors towards the lamps: x to the right, y up, z to the eye.
     pub directions: [Vec3; 3],
-    /// Their colors on a surface that faces them.
+    /// Colors of the lamps on a surface that faces them.
     pub colors: [Vec3; 3],
     /// Values of their highlights at the middle.
     pub specular: [f32; 3],
@@ -71,7 +71,7 @@ impl LitSphere {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Studio, Self::Clay, Self::Porcelain, Self::Metal];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Studio => "studio",
@@ -81,7 +81,7 @@ impl LitSphere {
         }
     }
 
-    /// Its lights.
+    /// Lights of the sphere.
     pub fn lights(self) -> SphereLights {
         let towards = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) / (x * x + y * y + z * z).sqrt();
         let gray = Vec3::splat;
@@ -142,7 +142,7 @@ impl LitSphere {
 }
 
 impl SphereLights {
-    /// Those of a frame.
+    /// Lights of a frame.
     pub(crate) fn of_frame(frame: &FrameConstants) -> Self {
         let (lamps, colors) = (frame.sphere_lamps.map(Vec4::from), frame.sphere_colors);
         let colors = colors.map(|[red, green, blue, _]| Vec3::new(red, green, blue));
@@ -192,7 +192,7 @@ impl SphereLights {
         (ALBEDO * color * diffuse + Vec3::splat(gloss) + rim).min(Vec3::ONE)
     }
 
-    /// Whether all of them are gray.
+    /// Tells whether all of them are gray.
     pub fn are_gray(&self) -> bool {
         let [key, fill, back] = self.colors;
         let all = [key, fill, back, self.sky, self.ground, self.rim];

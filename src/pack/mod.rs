@@ -15,7 +15,7 @@ pub mod splats;
 pub mod triangles;
 
 use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};
-pub use crate::pack::light::{Lamp, Lighting, Phong, Source};
+pub use crate::pack::light::{Lamp, LampSource, Phong, SurfaceLighting};
 use crate::textures::{TextureImage, TexturePoint};
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ pub struct DrawList<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Square splats, facing the viewer, of the center's depth.
     pub splats: &'a [Splat],
-    /// Vertices drawn as points of [`Style::splat_size_px`].
+    /// Vertices drawn as points of [`PrimitiveStyle::splat_size_px`].
     pub points: &'a [Vertex],
     /// Textures of the triangles.
     pub textures: Option<ListTextures<'a>>,
@@ -74,7 +74,7 @@ pub struct FuzzyList<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Splats.
     pub splats: &'a [WeightedSplat],
-    /// Vertices drawn as splats of [`Style::splat_size_px`].
+    /// Vertices drawn as splats of [`PrimitiveStyle::splat_size_px`].
     pub points: &'a [Vertex],
     /// Sums of weights are coverage.
     pub has_coverage: bool,
@@ -84,7 +84,7 @@ pub struct FuzzyList<'a> {
 
 /// How the primitives of a frame look.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Style {
+pub struct PrimitiveStyle {
     /// Side of a square splat whose radius is 0, and of points; pixels, at least 1 when drawn. A splat of
     /// radius r > 0 has the side max(1, 2 f r / z) instead.
     pub splat_size_px: f32,
@@ -105,7 +105,7 @@ pub struct Style {
     /// Draw no triangle that shows its back (clockwise on the screen).
     pub cull_back_faces: bool,
     /// How surfaces are lit; positions in model space.
-    pub light: Lighting,
+    pub light: SurfaceLighting,
     /// Light both sides: |n . l| instead of max(0, n . l).
     pub two_sided: bool,
     /// Multiply the albedo by the vertex color.
@@ -115,9 +115,11 @@ pub struct Style {
     /// Binary places of window positions after snapping, 4..=8: those of the device that the picture is compared with
     /// (`subPixelPrecisionBits`). 8 is what lavapipe and the common GPUs report.
     pub subpixel_bits: u32,
+    /// Share of the light that white surfaces give back: [`ALBEDO`], but where a test of pictures needs wrong ones.
+    pub albedo: f32,
 }
 
-impl Default for Style {
+impl Default for PrimitiveStyle {
     fn default() -> Self {
         Self {
             splat_size_px: 1.0,
@@ -129,11 +131,12 @@ impl Default for Style {
             color_by: ColorBy::Shading,
             depth_range: [0.0, 1.0],
             cull_back_faces: false,
-            light: Lighting::Headlight,
+            light: SurfaceLighting::Headlight,
             two_sided: true,
             use_colors: true,
             depth_offset: 3.0,
             subpixel_bits: 8,
+            albedo: ALBEDO,
         }
     }
 }
@@ -156,7 +159,7 @@ pub const ALBEDO: f32 = 0.8;
 /// What decides the color of a primitive.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ColorBy {
-    /// The light of the frame ([`Lighting`]) and the vertex colors.
+    /// The light of the frame ([`SurfaceLighting`]) and the vertex colors.
     #[default]
     Shading,
     /// Splats and points red (value * (1, 0.2, 0.2)), triangles blue (value * (0.2, 0.35, 1)), where value is
@@ -179,7 +182,7 @@ pub enum ColorBy {
 }
 
 impl ColorBy {
-    /// Whether the color is data that no light changes.
+    /// Tells whether the color is data that no light changes.
     pub fn is_data(self) -> bool {
         matches!(
             self,

@@ -1,6 +1,6 @@
 //! Draw lists written by several threads, in the order of one.
 
-use crate::pack::splats::Packed;
+use crate::pack::splats::PackedSplats;
 use crate::threads;
 use std::ops::Range;
 use std::sync::Mutex;
@@ -16,13 +16,13 @@ pub(crate) const AHEAD: usize = 40;
 
 /// Where the records of one part go.
 #[derive(Debug)]
-pub(crate) struct Sink<'a, R> {
+pub(crate) struct RecordSink<'a, R> {
     out: &'a mut [R],
     points: usize,
     quads: Vec<R>,
 }
 
-impl<R> Sink<'_, R> {
+impl<R> RecordSink<'_, R> {
     /// The next record from the start of the list.
     ///
     /// # Panics
@@ -63,8 +63,8 @@ type Job<'a, I, R> = (usize, I, &'a mut [R]);
 pub(crate) fn write<I: Send, R: Copy + Send>(
     parts: Vec<(I, usize)>,
     out: &mut [R],
-    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
-) -> Packed {
+    write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
+) -> PackedSplats {
     with_threads(threads::count(), parts, out, write)
 }
 
@@ -75,7 +75,7 @@ pub(crate) fn write<I: Send, R: Copy + Send>(
 pub(super) fn write_apart<I: Send, R: Copy + Send>(
     parts: Vec<(I, usize)>,
     out: &mut [R],
-    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
+    write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
 ) -> Vec<Range<usize>> {
     let written = each_with_threads(threads::count(), parts, out, write);
     written.into_iter().map(|part| part.points).collect()
@@ -94,7 +94,7 @@ pub(super) fn close_gaps<R: Copy>(parts: &[Range<usize>], out: &mut [R]) -> usiz
 }
 
 /// What a part has become.
-struct Written<R> {
+struct FinishedPart<R> {
     /// Places of the records from the start of its room.
     points: Range<usize>,
     quads: Vec<R>,
@@ -104,12 +104,12 @@ fn with_threads<I: Send, R: Copy + Send>(
     threads: usize,
     parts: Vec<(I, usize)>,
     out: &mut [R],
-    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
-) -> Packed {
+    write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
+) -> PackedSplats {
     let end: usize = parts.iter().map(|part| part.1).sum();
     let written = each_with_threads(threads, parts, out, write);
     let points: Vec<Range<usize>> = written.iter().map(|part| part.points.clone()).collect();
-    let packed = Packed {
+    let packed = PackedSplats {
         points: close_gaps(&points, out),
         quads: written.iter().map(|part| part.quads.len()).sum(),
     };
@@ -124,8 +124,8 @@ fn each_with_threads<I: Send, R: Copy + Send>(
     threads: usize,
     parts: Vec<(I, usize)>,
     out: &mut [R],
-    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
-) -> Vec<Written<R>> {
+    write: impl Fn(I, &mut RecordSink<'_, R>) + Sync,
+) -> Vec<FinishedPart<R>> {
     let sizes: Vec<usize> = parts.iter().map(|part| part.1).collect();
     let end = sizes.iter().sum();
     let mut rest = &mut out[..end];
@@ -146,13 +146,13 @@ fn each_with_threads<I: Send, R: Copy + Send>(
         &mut vec![(); threads.min(count).max(1)],
         jobs.into_iter(),
         |(), (index, items, out)| {
-            let mut sink = Sink {
+            let mut sink = RecordSink {
                 out,
                 points: 0,
                 quads: Vec::new(),
             };
             write(items, &mut sink);
-            let Sink { points, quads, .. } = sink;
+            let RecordSink { points, quads, .. } = sink;
             // A poisoned lock means that another thread panicked, which the scope passes on.
             if let Ok(mut written) = written.lock() {
                 written.push((index, points, quads));
@@ -168,7 +168,7 @@ fn each_with_threads<I: Send, R: Copy + Send>(
         .map(|(&size, (_, points, quads))| {
             let points = start..start + points;
             start += size;
-            Written { points, quads }
+            FinishedPart { points, quads }
         })
         .collect()
 }
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     /// Numbers in parts of uneven room: multiples of 5 are left out, multiples of 7 are quads.
-    fn written(threads: usize, numbers: u32) -> (Packed, Vec<u32>, usize) {
+    fn written(threads: usize, numbers: u32) -> (PackedSplats, Vec<u32>, usize) {
         let all: Vec<u32> = (1..=numbers).collect();
         let parts: Vec<_> = all.chunks(997).map(|p| (p, p.len())).collect();
         let mut out = vec![0; all.len() + 3];

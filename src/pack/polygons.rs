@@ -240,7 +240,7 @@ impl OrientedPolygon {
         self.normal.dot(towards) > -self.spread * towards.length()
     }
 
-    /// Whether the footprint contains these coordinates, the round bound included.
+    /// Tells whether the footprint contains these coordinates, the round bound included.
     pub fn contains(&self, [u, v]: [f32; 2]) -> bool {
         let corners = self.footprint();
         let is_inside = |i: usize| {
@@ -382,7 +382,7 @@ impl ScreenPolygon {
         })
     }
 
-    /// Its corners on the picture, x right and y down from the top left corner, pixels, before it is widened.
+    /// Corners on the picture, x right and y down from the top left corner, pixels, before the polygon is widened.
     pub fn corners(&self) -> &[DVec2] {
         &self.corners[..self.count]
     }

@@ -17,7 +17,7 @@ mod shading;
 
 use crate::abi::{FrameConstants, Splat};
 use crate::pack::parallel;
-use crate::pack::parallel::Sink;
+use crate::pack::parallel::RecordSink;
 use crate::pack::small_triangles::coverage::{CoveredCenters, LANES};
 use crate::pack::small_triangles::shading::ShadingQueue;
 use crate::textures::{self, TextureSlope, WeightSteps};
@@ -45,7 +45,7 @@ pub struct CornerScreen {
 }
 
 impl CornerScreen {
-    /// That of a frame, whose triangles of `dropped_sign` are not drawn.
+    /// Screen of a frame, whose triangles of `dropped_sign` are not drawn.
     pub fn new(
         frame: &FrameConstants,
         size: (u32, u32),
@@ -112,7 +112,7 @@ impl CornerScreen {
         self.rect_px.map(|edge| edge as u32)
     }
 
-    /// Whether triangles whose signed area (clockwise is positive) has this sign are not drawn.
+    /// Tells whether triangles whose signed area (clockwise is positive) has this sign are not drawn.
     pub(crate) fn is_dropped(&self, sign: i64) -> bool {
         sign as f32 == self.dropped_sign
     }
@@ -157,7 +157,7 @@ fn room_of_one(triangles: usize, screen: &CornerScreen) -> f64 {
     2.0 + share.clamp(0.0, f64::from(MOST_PIXELS) - 2.0)
 }
 
-/// That of a part, of whose triangles the last may cover as many as one can.
+/// Room of a part, of whose triangles the last may cover as many as one can.
 fn part_room(triangles: usize, of_one: f64) -> usize {
     (triangles as f64 * of_one) as usize + MOST_PIXELS as usize
 }
@@ -206,7 +206,7 @@ type SampleRow = [f32; BLOCK];
 struct CornerPositions([[SampleRow; 3]; 3]);
 
 impl CornerPositions {
-    /// Those of up to a block of triangles. What was there before stays after them.
+    /// Gathers the corners of up to a block of triangles. What was there before stays after them.
     #[inline(always)]
     fn gather(&mut self, model: &Model, ids: &[u32]) {
         for (i, &id) in ids.iter().enumerate() {
@@ -226,7 +226,7 @@ fn part<S: Simd>(
     model: &Model,
     ids: &[u32],
     screen: &CornerScreen,
-    (rest, sink): (&mut Vec<u32>, &mut Sink<'_, Splat>),
+    (rest, sink): (&mut Vec<u32>, &mut RecordSink<'_, Splat>),
 ) {
     let width = <S::f32s as SimdBase<S>>::LEN;
     let mut positions = CornerPositions([[[0.0; BLOCK]; 3]; 3]);

@@ -6,7 +6,7 @@ use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center_of};
 use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::pack::parallel;
-use crate::pack::parallel::Sink;
+use crate::pack::parallel::RecordSink;
 use crate::pack::{Footprint, falsecolor};
 use crate::tree::{Leaf, Model, ModelKind, Node, NodeAttributes};
 use glam::Vec3;
@@ -14,7 +14,7 @@ use prefetch_index::prefetch_index;
 
 /// What the packing depends on besides model, cut and view.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plan {
+pub struct SplatPlan {
     /// What splats look like.
     pub footprint: Footprint,
     /// Size of splats without a radius of their own, pixels; at least 1.
@@ -35,7 +35,7 @@ pub struct Plan {
 
 /// What was written: points from the start of the list, quads up to its end.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Packed {
+pub struct PackedSplats {
     /// Number of records to draw as points.
     pub points: usize,
     /// Number of records that may be too large for points.
@@ -44,7 +44,7 @@ pub struct Packed {
 
 /// A splat of a cut, with its number.
 #[derive(Debug, Clone, Copy)]
-pub struct Named {
+pub struct NumberedSplat {
     /// What of the model it is.
     pub id: SplatId,
     /// What it looks like.
@@ -54,19 +54,19 @@ pub struct Named {
 }
 
 /// A record of a draw list of splats.
-pub trait Record {
-    /// That of a splat.
-    fn of(named: &Named) -> Self;
+pub trait SplatRecord {
+    /// Record of a splat.
+    fn of(named: &NumberedSplat) -> Self;
 }
 
-impl Record for Splat {
-    fn of(named: &Named) -> Self {
+impl SplatRecord for Splat {
+    fn of(named: &NumberedSplat) -> Self {
         named.splat
     }
 }
 
-impl Record for WeightedSplat {
-    fn of(named: &Named) -> Self {
+impl SplatRecord for WeightedSplat {
+    fn of(named: &NumberedSplat) -> Self {
         Self {
             splat: named.splat,
             area: named.area,
@@ -74,8 +74,8 @@ impl Record for WeightedSplat {
     }
 }
 
-impl Record for SplatId {
-    fn of(named: &Named) -> Self {
+impl SplatRecord for SplatId {
+    fn of(named: &NumberedSplat) -> Self {
         named.id
     }
 }
@@ -83,7 +83,7 @@ impl Record for SplatId {
 /// What a footprint may be larger by than the disc in the plane: snapping, and one pixel for the low pass and rounding.
 pub(crate) const SLACK_PX: f32 = 1.0;
 
-impl Plan {
+impl SplatPlan {
     /// The color of a splat of a node (none: of a leaf) whose own color is `color`.
     fn color_of(&self, model: &Model, node: Option<u32>, color: [u8; 4]) -> [u8; 4] {
         if self.by_level {
@@ -93,7 +93,7 @@ impl Plan {
         }
     }
 
-    /// Whether every splat of a cut of this plan is smaller than the largest point, so that none is looked at.
+    /// Tells whether every splat of a cut of this plan is smaller than the largest point, so that none is looked at.
     ///
     /// A node is a splat when the ellipse of its ball has a major axis of at most the threshold t. Its disc lies in
     /// that ball, and the ellipse contains the projected center: the footprint reaches at most t from there.
@@ -105,7 +105,7 @@ impl Plan {
             && kind.is_surface()
     }
 
-    /// Whether no splat has a radius of its own. Of a leaf that is small by [`SizeMetric::Exact`] the size at its center
+    /// Tells whether no splat has a radius of its own. Of a leaf that is small by [`SizeMetric::Exact`] the size at its center
     /// is at most the threshold too.
     pub(crate) fn has_one_size(&self, kind: ModelKind) -> bool {
         self.footprint != Footprint::Oriented
@@ -161,29 +161,29 @@ impl Plan {
 }
 
 /// Where splats go.
-pub(crate) trait Out {
+pub(crate) trait SplatOutput {
     /// Whether it is asked how thick patches are; else their alpha says no more than whether they have a normal.
     const HAS_THICKNESS: bool = true;
 
     /// The next splat.
-    fn point(&mut self, named: &Named);
+    fn point(&mut self, named: &NumberedSplat);
     /// The next of those that may be too large for a point.
-    fn quad(&mut self, named: &Named);
+    fn quad(&mut self, named: &NumberedSplat);
 }
 
-impl<R: Record> Out for Sink<'_, R> {
+impl<R: SplatRecord> SplatOutput for RecordSink<'_, R> {
     #[inline]
-    fn point(&mut self, named: &Named) {
-        Sink::point(self, R::of(named));
+    fn point(&mut self, named: &NumberedSplat) {
+        RecordSink::point(self, R::of(named));
     }
 
-    fn quad(&mut self, named: &Named) {
-        Sink::quad(self, R::of(named));
+    fn quad(&mut self, named: &NumberedSplat) {
+        RecordSink::quad(self, R::of(named));
     }
 }
 
 /// Number of records that [`pack`] needs room for.
-pub fn count(cut: &Cut, plan: &Plan) -> usize {
+pub fn count(cut: &Cut, plan: &SplatPlan) -> usize {
     let strips = StripRun::splats_of(&cut.strips);
     let large = if plan.draws_large_leaves {
         cut.triangles.len()
@@ -202,21 +202,21 @@ pub fn count(cut: &Cut, plan: &Plan) -> usize {
 ///
 /// # Panics
 /// When `out` is shorter than [`count`].
-pub fn pack<R: Record + Copy + Send>(
+pub fn pack<R: SplatRecord + Copy + Send>(
     model: &Model,
     cut: &Cut,
     view: &View,
-    plan: &Plan,
+    plan: &SplatPlan,
     out: &mut [R],
-) -> Packed {
-    let writer = Writer::new(model, view, plan);
+) -> PackedSplats {
+    let writer = SplatWriter::new(model, view, plan);
     parallel::write(parts_of(cut, plan), out, |part, sink| {
         writer.part(part, sink);
     })
 }
 
 /// What is written at a time, each with the most records that it may have.
-pub(crate) fn parts_of<'a>(cut: &'a Cut, plan: &Plan) -> Vec<(Part<'a>, usize)> {
+pub(crate) fn parts_of<'a>(cut: &'a Cut, plan: &SplatPlan) -> Vec<(PackedPart<'a>, usize)> {
     let large: &[u32] = if plan.draws_large_leaves {
         &cut.triangles
     } else {
@@ -224,28 +224,28 @@ pub(crate) fn parts_of<'a>(cut: &'a Cut, plan: &Plan) -> Vec<(Part<'a>, usize)> 
     };
     (cut.nodes
         .chunks(parallel::PART)
-        .map(|p| (Part::Nodes(p), p.len())))
+        .map(|p| (PackedPart::Nodes(p), p.len())))
     .chain(
         cut.strips
             .chunks(parallel::PART)
-            .map(|p| (Part::Rows(p), StripRun::splats_of(p))),
+            .map(|p| (PackedPart::Rows(p), StripRun::splats_of(p))),
     )
     .chain(
         cut.leaves
             .chunks(parallel::PART)
-            .map(|p| (Part::Leaves(p), p.len())),
+            .map(|p| (PackedPart::Leaves(p), p.len())),
     )
     .chain(
         large
             .chunks(parallel::PART)
-            .map(|p| (Part::Large(p), p.len())),
+            .map(|p| (PackedPart::Large(p), p.len())),
     )
     .collect()
 }
 
 /// What one thread writes at a time.
 #[derive(Clone, Copy)]
-pub(crate) enum Part<'a> {
+pub(crate) enum PackedPart<'a> {
     Nodes(&'a [u32]),
     Rows(&'a [StripRun]),
     Leaves(&'a [u32]),
@@ -308,10 +308,10 @@ pub(crate) fn pixels_of_unit(view: &View, at: Vec3) -> f32 {
 }
 
 /// Makes splats of a cut.
-pub(crate) struct Writer<'a> {
+pub(crate) struct SplatWriter<'a> {
     model: &'a Model,
     view: &'a View,
-    plan: &'a Plan,
+    plan: &'a SplatPlan,
     is_oriented: bool,
     /// Whether a splat may be too large for a point.
     is_checked: bool,
@@ -319,8 +319,8 @@ pub(crate) struct Writer<'a> {
     has_triangles: bool,
 }
 
-impl<'a> Writer<'a> {
-    pub(crate) fn new(model: &'a Model, view: &'a View, plan: &'a Plan) -> Self {
+impl<'a> SplatWriter<'a> {
+    pub(crate) fn new(model: &'a Model, view: &'a View, plan: &'a SplatPlan) -> Self {
         Self {
             model,
             view,
@@ -332,16 +332,16 @@ impl<'a> Writer<'a> {
     }
 
     /// Writes the splats of a part.
-    pub(crate) fn part(&self, part: Part<'_>, out: &mut impl Out) {
+    pub(crate) fn part(&self, part: PackedPart<'_>, out: &mut impl SplatOutput) {
         match part {
-            Part::Nodes(ids) => self.nodes(ids, out),
-            Part::Rows(rows) => self.rows(rows, out),
-            Part::Leaves(ids) => self.leaves(ids, false, out),
-            Part::Large(ids) => self.leaves(ids, true, out),
+            PackedPart::Nodes(ids) => self.nodes(ids, out),
+            PackedPart::Rows(rows) => self.rows(rows, out),
+            PackedPart::Leaves(ids) => self.leaves(ids, false, out),
+            PackedPart::Large(ids) => self.leaves(ids, true, out),
         }
     }
 
-    fn nodes(&self, ids: &[u32], out: &mut impl Out) {
+    fn nodes(&self, ids: &[u32], out: &mut impl SplatOutput) {
         let tree = &self.model.tree;
         let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
         for (index, &id) in ids.iter().enumerate() {
@@ -360,7 +360,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn rows<O: Out>(&self, rows: &[StripRun], out: &mut O) {
+    fn rows<O: SplatOutput>(&self, rows: &[StripRun], out: &mut O) {
         let tree = &self.model.tree;
         let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
         for (index, row) in rows.iter().enumerate() {
@@ -400,7 +400,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn leaves(&self, ids: &[u32], is_large: bool, out: &mut impl Out) {
+    fn leaves(&self, ids: &[u32], is_large: bool, out: &mut impl SplatOutput) {
         let model = self.model;
         let leaves: &[Leaf] = &model.tree.leaves;
         let of_cut = self.plan.cut_view.as_ref().unwrap_or(self.view);
@@ -470,7 +470,7 @@ impl<'a> Writer<'a> {
     }
 
     #[inline]
-    fn write(&self, id: SplatId, mut splat: Splat, area: f32, out: &mut impl Out) {
+    fn write(&self, id: SplatId, mut splat: Splat, area: f32, out: &mut impl SplatOutput) {
         if area == 0.0 && self.has_triangles {
             return;
         }
@@ -479,7 +479,7 @@ impl<'a> Writer<'a> {
         {
             splat.radius = 0.5 * self.plan.threshold_px / pixels_of_unit(of_cut, splat.center);
         }
-        let named = Named { id, splat, area };
+        let named = NumberedSplat { id, splat, area };
         if self.is_checked && !self.fits(&splat) {
             out.quad(&named);
         } else {
@@ -492,7 +492,7 @@ impl<'a> Writer<'a> {
         2.0 * radius * pixels_of_unit(self.view, center)
     }
 
-    /// Whether the footprint is surely smaller than the largest point. A point q of the disc around c is at most r
+    /// Tells whether the footprint is surely smaller than the largest point. A point q of the disc around c is at most r
     /// from it, so their projections differ by |q_xy - c_xy - (c_xy / c_z) (q_z - c_z)| / q_z <= r (1 + s) / (z - r).
     fn fits(&self, splat: &Splat) -> bool {
         let (view, plan) = (self.view, self.plan);

@@ -53,7 +53,7 @@ fn last_word(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(word)
 }
 
-/// Whether the bits after the last of `count` numbers are zero, as [`pack`] leaves them.
+/// Tells whether the bits after the last of `count` numbers are zero, as [`pack`] leaves them.
 pub(super) fn is_filled_with_zeros(bytes: &[u8], count: usize, bits: u32) -> bool {
     let used = count * bits as usize % 8;
     used == 0 || bytes.last().is_none_or(|last| last >> used == 0)

@@ -76,7 +76,7 @@ impl PageCache {
         self.pages.len()
     }
 
-    /// Whether no page is in memory.
+    /// Tells whether no page is in memory.
     pub fn is_empty(&self) -> bool {
         self.pages.is_empty()
     }

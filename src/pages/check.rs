@@ -58,7 +58,7 @@ impl PagedReport {
         self.count += unlisted;
     }
 
-    /// Whether every promise holds.
+    /// Tells whether every promise holds.
     pub fn is_clean(&self) -> bool {
         self.count == 0
     }

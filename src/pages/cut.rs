@@ -111,7 +111,7 @@ struct PageVerdict {
     marks: Option<PartMarks>,
     /// Pages below it with a leaf that is too large to be drawn as a splat, whether they are there or not, in their order.
     open: Vec<OpenPage>,
-    /// Those leaves, ascending.
+    /// Leaves that are so large, ascending.
     large: Vec<u32>,
 }
 

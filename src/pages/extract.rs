@@ -4,8 +4,8 @@ use super::mix_hash::MixMap;
 use super::page_tops::PageTop;
 use crate::abi::Vertex;
 use crate::tree::{
-    AlignedRecords, Leaf, Model, Moments, Node, NodeAttributes, NodeRecords, NormalCone,
-    PatchRecords, Tree,
+    AlignedRecords, Leaf, Model, Node, NodeAttributes, NodeRecords, NormalCone, PatchRecords,
+    SurfaceMoments, Tree,
 };
 use glam::Vec3;
 use std::ops::Range;
@@ -184,7 +184,7 @@ pub(super) fn upper_part(model: &Model, upper: &UpperNodes, root: u32, last: usi
     let records = roots.map(|id| NodeRecords {
         node: upper.nodes[id as usize],
         attributes: upper.attributes[id as usize],
-        moments: Moments::default(),
+        moments: SurfaceMoments::default(),
     });
     let cones = set_leaves(&mut part, &records.collect::<Vec<_>>());
     UpperPart { part, cones }
@@ -270,7 +270,7 @@ pub(super) fn with_tops(upper: UpperPart, tops: &[PageTop], shared: usize) -> Up
     }
     let nodes: Vec<Node> = records.iter().map(|own| own.node).collect();
     let attributes: Vec<NodeAttributes> = records.iter().map(|own| own.attributes).collect();
-    let moments: Vec<Moments> = records.iter().map(|own| own.moments).collect();
+    let moments: Vec<SurfaceMoments> = records.iter().map(|own| own.moments).collect();
     part.tree = Tree {
         nodes: of_tree(&nodes),
         attributes: of_tree(&attributes),

@@ -238,17 +238,17 @@ impl PagedFile {
         (self.root.bytes > 0).then_some(self.root)
     }
 
-    /// Whether leaves are triangles.
+    /// Tells whether leaves are triangles.
     pub fn is_surface(&self) -> bool {
         self.header.flags & TRIANGLES != 0
     }
 
-    /// Whether the surface is closed and oriented outward.
+    /// Tells whether the surface is closed and oriented outward.
     pub fn is_closed(&self) -> bool {
         self.header.flags & CLOSED != 0
     }
 
-    /// Whether there are colors.
+    /// Tells whether there are colors.
     pub fn has_colors(&self) -> bool {
         self.header.flags & COLORS != 0
     }

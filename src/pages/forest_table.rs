@@ -15,7 +15,7 @@ pub(super) const LONGEST_PATH: usize = 4096;
 pub(super) struct ForestEntry {
     /// Path from the folder of the forest's file, with `/` between its parts; or an address of a web server.
     pub(super) path: String,
-    /// Its header: a file with another has changed.
+    /// Header of the file: one with another has changed.
     pub(super) header: PagedHeader,
 }
 

@@ -34,7 +34,7 @@ pub const MOST_LEAVES: usize = 1 << 16;
 /// Most levels of a page.
 pub const MOST_LEVELS: usize = 16;
 
-/// Whether a file beginning with these bytes is a paged file.
+/// Tells whether a file beginning with these bytes is a paged file.
 pub fn is_paged_file(start: &[u8]) -> bool {
     start.starts_with(&MAGIC)
 }
@@ -135,9 +135,9 @@ impl PagedHeader {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PageEntry {
-    /// Its number: pages are numbered as they lie in the file.
+    /// Number of the page: pages are numbered as they lie in the file.
     pub id: u32,
-    /// Its length.
+    /// Length of the page.
     pub bytes: u32,
     /// First byte in the file.
     pub offset: u64,

@@ -36,7 +36,7 @@ impl Default for LoaderOptions {
 /// A page that was read.
 #[derive(Debug, Clone)]
 pub struct LoadedPage {
-    /// Its number.
+    /// Number of the page.
     pub id: u32,
     /// The page.
     pub page: Arc<DecodedPage>,
@@ -257,12 +257,12 @@ impl PageLoader {
         std::mem::take(&mut self.shared.state().done)
     }
 
-    /// Whether there are pages that were not taken yet.
+    /// Tells whether there are pages that were not taken yet.
     pub fn has_pages(&self) -> bool {
         !self.shared.state().done.is_empty()
     }
 
-    /// Whether nothing is under way, and all that waits has failed before.
+    /// Tells whether nothing is under way, and all that waits has failed before.
     pub fn is_stuck(&self) -> bool {
         self.shared.state().is_stuck()
     }

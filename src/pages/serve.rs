@@ -78,7 +78,7 @@ enum AskedRange {
 }
 
 impl AskedRange {
-    /// That of a header such as `bytes=0-99`; `None` where it is no range, or several.
+    /// Range of a header such as `bytes=0-99`; `None` where it is no range, or several.
     fn parse(text: &str) -> Option<Self> {
         let (first, last) = text.trim().strip_prefix("bytes=")?.split_once('-')?;
         let number = |text: &str| text.trim().parse::<u64>().ok();
@@ -371,7 +371,7 @@ mod tests {
     use crate::pages::source::{ByteSource, MemorySource};
     use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model};
     use crate::pages::write::to_bytes;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
 
     fn started(folder: &Path, line: SlowLine) -> (SocketAddr, impl Fn() -> usize + use<>) {
         let server = FileServer::bind(folder, ([127, 0, 0, 1], 0).into(), line).unwrap();
@@ -484,9 +484,9 @@ mod tests {
         let file = PagedFile::open(Arc::new(source)).unwrap();
         file.stand_in(file.origin()).unwrap();
         assert_eq!(count(), 1);
-        let own = whole_model(&file, &Silent).unwrap();
+        let own = whole_model(&file, &SilentProgress).unwrap();
         let memory = PagedFile::open(Arc::new(MemorySource::new("t", bytes))).unwrap();
-        let wanted = whole_model(&memory, &Silent).unwrap();
+        let wanted = whole_model(&memory, &SilentProgress).unwrap();
         assert_eq!(own.tree.first_leaf, wanted.tree.first_leaf);
         assert_eq!(own.vertices[..], wanted.vertices[..]);
         assert_eq!(own.triangles[..], wanted.triangles[..]);

@@ -16,7 +16,7 @@ pub trait ByteSource: Send + Sync + std::fmt::Debug {
     /// Number of bytes when it was opened.
     fn len(&self) -> u64;
 
-    /// Whether there are none.
+    /// Tells whether there are none.
     fn is_empty(&self) -> bool {
         self.len() == 0
     }

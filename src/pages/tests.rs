@@ -11,7 +11,7 @@ use super::write::{PagedOptions, to_bytes, to_bytes_with_patches, write};
 pub(super) use crate::generate::GeneratedShape;
 use crate::generate::{self, ShapeSpec};
 use crate::mesh::Mesh;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{self, BuildOptions, Model, PackedPatch};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub(in crate::pages) fn model(shape: GeneratedShape, triangles: u64, is_cloud: b
     if is_cloud {
         mesh.triangles.clear();
     }
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 pub(super) fn opened(bytes: Vec<u8>) -> Result<PagedFile, PageError> {
@@ -54,7 +54,7 @@ fn a_paged_file_is_clean_and_joins_to_the_same_tree() {
             };
             let bytes = to_bytes(&model, &options).unwrap();
             let file = opened(bytes.clone()).unwrap();
-            let report = check(&file, &Silent);
+            let report = check(&file, &SilentProgress);
             assert!(
                 report.is_clean(),
                 "{leaves} {is_cloud}: {:?}",
@@ -66,7 +66,7 @@ fn a_paged_file_is_clean_and_joins_to_the_same_tree() {
                 report.pages > 1
             );
 
-            let joined = whole_model(&file, &Silent).unwrap();
+            let joined = whole_model(&file, &SilentProgress).unwrap();
             let (one, two) = (&model.tree, &joined.tree);
             assert_eq!(one.level_starts, two.level_starts);
             assert_eq!(
@@ -98,14 +98,14 @@ fn records_of_patches_are_those_of_what_is_decoded() {
         // Far from the zero single precision has coarse places.
         model.origin = DVec3::new(4.0e5, 5.0e6, 100.0);
         let plain = to_bytes(&model, &options).unwrap();
-        let bytes = to_bytes_with_patches(&model, &options, &Silent).unwrap();
+        let bytes = to_bytes_with_patches(&model, &options, &SilentProgress).unwrap();
         let file = opened(bytes.clone()).unwrap();
-        let report = check(&file, &Silent);
+        let report = check(&file, &SilentProgress);
         assert!(report.is_clean(), "{leaves}: {:?}", report.violations);
-        let joined = whole_model(&file, &Silent).unwrap();
-        let mut made = whole_model(&opened(plain.clone()).unwrap(), &Silent).unwrap();
+        let joined = whole_model(&file, &SilentProgress).unwrap();
+        let mut made = whole_model(&opened(plain.clone()).unwrap(), &SilentProgress).unwrap();
         assert!(made.patches.is_none());
-        crate::patches::add_records(&mut made, &Silent).unwrap();
+        crate::patches::add_records(&mut made, &SilentProgress).unwrap();
         // The last level has none: its nodes are a few triangles.
         let recorded = joined.tree.level(joined.tree.level_count() - 1).start;
         let records = made.patches.unwrap().of_nodes(0..recorded);
@@ -125,7 +125,7 @@ fn records_of_patches_are_those_of_what_is_decoded() {
 #[test]
 fn records_that_do_not_bound_what_is_below_are_found() {
     let model = model(GeneratedShape::Sphere, 4000, false);
-    let bytes = to_bytes_with_patches(&model, &SMALL_PAGES, &Silent).unwrap();
+    let bytes = to_bytes_with_patches(&model, &SMALL_PAGES, &SilentProgress).unwrap();
     let places = damage::places(&bytes);
     for page in [0, places.len() - 1] {
         let file = opened(bytes.clone()).unwrap();
@@ -149,7 +149,7 @@ fn records_that_do_not_bound_what_is_below_are_found() {
             *thickness = thickness.saturating_sub(64);
         }
         damage::repair(&mut damaged, &places);
-        let report = check(&opened(damaged).unwrap(), &Silent);
+        let report = check(&opened(damaged).unwrap(), &SilentProgress);
         let named = report.violations.iter();
         let named = named.filter(|what| what.contains("from the plane")).count();
         assert!(named > 0, "page {page}: {:?}", report.violations);
@@ -165,7 +165,7 @@ fn what_is_decoded_is_near_what_was_written() {
             colors: Some(ColorBits::All),
         };
         let file = opened(to_bytes(&model, &options).unwrap()).unwrap();
-        let joined = whole_model(&file, &Silent).unwrap();
+        let joined = whole_model(&file, &SilentProgress).unwrap();
         let mut worst = 0.0f32;
         for (leaf, (own, decoded)) in model
             .tree
@@ -250,12 +250,12 @@ fn degenerate_models_are_written_and_read() {
         far,
         flat,
     ] {
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
         let bytes = to_bytes(&model, &SMALL_PAGES).unwrap();
         let file = opened(bytes).unwrap();
-        let report = check(&file, &Silent);
+        let report = check(&file, &SilentProgress);
         assert!(report.is_clean(), "{:?}", report.violations);
-        let joined = whole_model(&file, &Silent).unwrap();
+        let joined = whole_model(&file, &SilentProgress).unwrap();
         assert_eq!(joined.tree.leaves.len(), model.tree.leaves.len());
         assert_eq!(joined.kind(), model.kind());
     }
@@ -266,7 +266,7 @@ fn degenerate_models_are_written_and_read() {
 fn vertices_of_several_pages_stay_together() {
     let model = model(GeneratedShape::Sphere, 6000, false);
     let file = opened(to_bytes(&model, &SMALL_PAGES).unwrap()).unwrap();
-    let joined = whole_model(&file, &Silent).unwrap();
+    let joined = whole_model(&file, &SilentProgress).unwrap();
     let mut places = std::collections::HashMap::new();
     for (own, decoded) in model.triangles.iter().zip(&joined.triangles) {
         for k in 0..3 {
@@ -284,18 +284,18 @@ fn every_flipped_bit_is_found() {
         let count = if has_patches { 150 } else { 300 };
         let model = model(GeneratedShape::Torus, count, is_cloud);
         let bytes = match has_patches {
-            true => to_bytes_with_patches(&model, &SMALL_PAGES, &Silent),
+            true => to_bytes_with_patches(&model, &SMALL_PAGES, &SilentProgress),
             false => to_bytes(&model, &SMALL_PAGES),
         };
         let bytes = bytes.unwrap();
-        assert!(check(&opened(bytes.clone()).unwrap(), &Silent).is_clean());
+        assert!(check(&opened(bytes.clone()).unwrap(), &SilentProgress).is_clean());
         // Of the larger file every fifth, which is each place of a bit in a byte.
         let step = if has_patches { 5 } else { 1 };
         for bit in (0..bytes.len() * 8).step_by(step) {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
             let is_found = match opened(damaged) {
-                Ok(file) => !check(&file, &Silent).is_clean(),
+                Ok(file) => !check(&file, &SilentProgress).is_clean(),
                 Err(_) => true,
             };
             assert!(is_found, "bit {bit}");
@@ -328,7 +328,7 @@ fn damages_with_right_checksums_neither_panic_nor_leave_the_file() {
     ] {
         let model = model(GeneratedShape::Torus, count, is_cloud);
         let bytes = match has_patches {
-            true => to_bytes_with_patches(&model, &pages, &Silent),
+            true => to_bytes_with_patches(&model, &pages, &SilentProgress),
             false => to_bytes(&model, &pages),
         };
         let bytes = bytes.unwrap();
@@ -338,14 +338,15 @@ fn damages_with_right_checksums_neither_panic_nor_leave_the_file() {
             let damaged = damage::apply(&bytes, &places, &mut numbers);
             let Ok(file) = opened(damaged) else { continue };
             read += 1;
-            let _ = check(&file, &Silent);
-            if let Ok(model) = whole_model(&file, &Silent) {
+            let _ = check(&file, &SilentProgress);
+            if let Ok(model) = whole_model(&file, &SilentProgress) {
                 sound += 1;
                 // A walk over all of it.
                 assert_eq!(model.tree.leaf_range(0).len(), model.tree.leaves.len());
                 let _ = tree::check(&model);
                 if has_patches {
-                    let _ = crate::patches::ResidentPatches::build(&model, &Silent).unwrap();
+                    let _ =
+                        crate::patches::ResidentPatches::build(&model, &SilentProgress).unwrap();
                 }
             }
         }
@@ -444,7 +445,7 @@ fn wrong_files_say_what_is_wrong() {
     let mut page = bytes.clone();
     let last = page.len() - 1;
     page[last] ^= 1;
-    let report = check(&opened(page).unwrap(), &Silent);
+    let report = check(&opened(page).unwrap(), &SilentProgress);
     assert_eq!(report.count, 3, "{:?}", report.violations);
     assert!(
         report.violations[0].contains("(page "),

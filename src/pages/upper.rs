@@ -106,7 +106,7 @@ pub(super) struct LeafPages<'a> {
     pub(super) first_byte: u64,
     /// One for each node of the level.
     pub(super) pages: &'a [LeafPageFacts],
-    /// Their sizes in the pages above.
+    /// Sizes of the leaf pages in the pages above.
     pub(super) sizes: &'a [TopSize],
     /// Levels that the pages above have as well.
     pub(super) shared: usize,

@@ -536,7 +536,7 @@ impl PatchSource<'_> {
     }
 }
 
-/// Whether a triangle of the plane contains a point, however it is turned.
+/// Tells whether a triangle of the plane contains a point, however it is turned.
 fn is_in_triangle(at: Vec2, [a, b, c]: [Vec2; 3]) -> bool {
     let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(at - from));
     sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0)

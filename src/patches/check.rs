@@ -92,7 +92,7 @@ mod tests {
     use super::*;
     use crate::patches::add_records;
     use crate::patches::tests::model_of;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::PackedPatch;
     use std::sync::Arc;
 
@@ -100,7 +100,7 @@ mod tests {
     fn records_that_do_not_bound_their_node_are_named() {
         let mut model = model_of("sphere:2000");
         assert!(check_records(&model).is_empty(), "there are none");
-        add_records(&mut model, &Silent).unwrap();
+        add_records(&mut model, &SilentProgress).unwrap();
         assert!(check_records(&model).is_empty());
         let good = model.patches.clone().unwrap();
         let mut found = |change: fn(&mut PackedPatch)| {

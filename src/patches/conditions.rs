@@ -78,7 +78,7 @@ impl PatchConditions {
         size_of_val(&self.nodes[..])
     }
 
-    /// Those of four nodes from `first` on, and of none where there are fewer.
+    /// Conditions of four nodes from `first` on, and of none where there are fewer.
     #[inline(always)]
     pub(super) fn four(&self, first: u32) -> Option<[PatchCondition; 4]> {
         let rest = self.nodes.get(first as usize..)?;
@@ -123,7 +123,7 @@ impl PatchCondition {
         }
     }
 
-    /// Whether the node may be drawn as its polygon at all.
+    /// Tells whether the node may be drawn as its polygon at all.
     #[inline(always)]
     pub(super) fn may_be_drawn(&self) -> bool {
         self.flags & NodePatch::NEVER == 0
@@ -342,7 +342,7 @@ impl FourAngles {
         Self { cosine, sine }
     }
 
-    /// This angle, which adds up from `part` and another one below 90 degrees, or 90 degrees where it is more.
+    /// Limits the angle, which adds up from `part` and another one below 90 degrees, to 90 degrees.
     #[inline(always)]
     fn within_quarter(self, part: Self) -> Self {
         let is_less = self.cosine.cmpgt(Vec4::ZERO) & part.cosine.cmpgt(Vec4::ZERO);

@@ -17,7 +17,7 @@ use prefetch_index::prefetch_index;
 pub struct PatchRefusals {
     /// Wide cone, small vector area, or a record that no view draws.
     pub never: u64,
-    /// It reaches the near plane.
+    /// The node reaches the near plane.
     pub near: u64,
     /// Thickness or overhang at a silhouette.
     pub rim: u64,

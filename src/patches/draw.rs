@@ -11,7 +11,7 @@ use super::record::NodePatches;
 use crate::abi::OrientedPolygon;
 use crate::cut::{StripRun, strip_centers};
 use crate::image::{Image, unorm8};
-use crate::math::camera::{Light, View};
+use crate::math::camera::{HeadlightSource, View};
 use crate::math::octahedral;
 use crate::pack::ALBEDO;
 use crate::pack::polygons::ScreenPolygon;
@@ -194,7 +194,7 @@ impl<'a> PatchCanvas<'a> {
         }
     }
 
-    /// Whether a distance wins a pixel, and if so its index.
+    /// Tells whether a distance wins a pixel, and if so its index.
     fn wins(&mut self, [x, y]: [u32; 2], distance: f32) -> Option<usize> {
         let index = y as usize * self.view.width as usize + x as usize;
         let is_seen = distance >= self.view.near && distance <= self.view.far;
@@ -207,7 +207,7 @@ impl<'a> PatchCanvas<'a> {
     fn shade(&mut self, index: usize, sample: &SurfaceSample) {
         let view = self.view;
         let to_light = match view.light {
-            Light::Point if view.is_perspective => {
+            HeadlightSource::Point if view.is_perspective => {
                 (view.eye - sample.position).normalize_or(view.backward)
             }
             _ => view.backward,

@@ -11,9 +11,9 @@ pub(super) const TURNS: u16 = 256;
 /// A rectangle with cut corners in the plane of the points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CutRectangle {
-    /// Its direction, in 256ths of a quarter turn from the first axis of the plane.
+    /// Direction of the footprint, in 256ths of a quarter turn from the first axis of the plane.
     pub(super) turn: u8,
-    /// Its middle, in the axes of the plane.
+    /// Middle of the footprint, in the axes of the plane.
     pub(super) center: Vec2,
     /// Half sides, along the turned axes.
     pub(super) half: Vec2,
@@ -40,7 +40,7 @@ pub(super) fn sample([x, y]: [usize; 2], count: usize) -> Vec2 {
     Vec2::new(x as f32, y as f32) * (2.0 / count as f32) + Vec2::splat(1.0 / count as f32 - 1.0)
 }
 
-/// Whether a footprint contains a place, in shares of the half sides.
+/// Tells whether a footprint contains a place, in shares of the half sides.
 pub(super) fn contains(share: Vec2, corner_cuts: [f32; 4]) -> bool {
     let mut corners = SIGNS.iter().zip(corner_cuts);
     corners.all(|(sign, cut)| share.dot(*sign) <= 2.0 - cut)

@@ -19,7 +19,7 @@ pub(super) struct NearestLeaf {
     pub(super) distance: f32,
     /// Number of the triangle.
     pub(super) leaf: u32,
-    /// Its point that is nearest.
+    /// Nearest point of the triangle.
     pub(super) place: Vec3,
 }
 
@@ -122,7 +122,7 @@ impl<'a> SurfaceDistance<'a> {
     }
 }
 
-/// Whether something in a ball may be nearer than `best`; errs to yes.
+/// Tells whether something in a ball may be nearer than `best`; errs to yes.
 #[inline]
 fn may_be_nearer(point: Vec3, center: Vec3, radius: f32, best: f32) -> bool {
     let reach = radius * 1.000_001 + best;

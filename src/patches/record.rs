@@ -97,13 +97,13 @@ impl NodePatch {
     /// Half angles from here on are refused: more may hide a second sheet or a fold.
     pub const WIDEST: f32 = 60.0 * (std::f32::consts::PI / 180.0);
 
-    /// Whether a view may draw this node as a patch.
+    /// Tells whether a view may draw this node as a patch.
     #[inline]
     pub fn may_be_drawn(&self) -> bool {
         self.flags & Self::NEVER == 0
     }
 
-    /// Whether all lengths and directions are finite, but for the overhang; what is never drawn is.
+    /// Tells whether all lengths and directions are finite, but for the overhang; what is never drawn is.
     pub(super) fn is_finite(&self) -> bool {
         let [du, dv] = self.color_gradient;
         !self.may_be_drawn()
@@ -115,7 +115,7 @@ impl NodePatch {
                 && self.thickness.is_finite()
     }
 
-    /// Whether an edge below ends the surface or bends it sharply, so that it makes a silhouette.
+    /// Tells whether an edge below ends the surface or bends it sharply, so that it makes a silhouette.
     #[inline]
     pub fn has_rim(&self) -> bool {
         self.flags & (Self::OPEN_EDGE | Self::SHARP_EDGE) != 0

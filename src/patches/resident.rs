@@ -98,14 +98,14 @@ impl ResidentPatches {
 mod tests {
     use super::*;
     use crate::patches::tests::{model_of, of_mesh, sheet};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{PackedPatch, file};
     use bytemuck::Zeroable;
     use glam::Vec3;
 
     /// A model whose records were written to a file and read back.
     fn through_file(mut model: Model) -> Model {
-        add_records(&mut model, &Silent).unwrap();
+        add_records(&mut model, &SilentProgress).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.surfel");
         file::write(&model, &path).unwrap();
@@ -121,11 +121,14 @@ mod tests {
             vertex.color[0] = (at.x.abs() * 200.0) as u8;
         }
         for model in [model_of("sphere:5000"), colored] {
-            let made = ResidentPatches::build(&model, &Silent).unwrap();
+            let made = ResidentPatches::build(&model, &SilentProgress).unwrap();
             let read = through_file(model.clone());
             let colors = read.patches.as_ref().unwrap().colors.len();
             assert_eq!(colors > 0, model.has_colors);
-            assert_eq!(ResidentPatches::build(&read, &Silent).unwrap(), made);
+            assert_eq!(
+                ResidentPatches::build(&read, &SilentProgress).unwrap(),
+                made
+            );
             let drawn = made.conditions(false).nodes.iter();
             assert!(drawn.filter(|node| node.may_be_drawn()).count() > 100);
         }
@@ -134,8 +137,8 @@ mod tests {
     #[test]
     fn records_without_sense_are_never_drawn() {
         let mut model = of_mesh(sheet([20, 20], |x, y| Vec3::new(x, y, 0.0), |_, _| false));
-        add_records(&mut model, &Silent).unwrap();
-        let good = ResidentPatches::build(&model, &Silent).unwrap();
+        add_records(&mut model, &SilentProgress).unwrap();
+        let good = ResidentPatches::build(&model, &SilentProgress).unwrap();
         assert!(good.conditions(false).nodes[0].may_be_drawn(), "one plane");
         // Exponents of a change of shade that is beyond all numbers, and every byte of a record set to each of some values.
         let count = model.tree.nodes.len();
@@ -151,7 +154,7 @@ mod tests {
                     records,
                     colors: Vec::new(),
                 }));
-                let found = ResidentPatches::build(&model, &Silent).unwrap();
+                let found = ResidentPatches::build(&model, &SilentProgress).unwrap();
                 for (polygon, node) in found.polygons().iter().zip(&found.conditions[0].nodes) {
                     let OrientedPolygon {
                         center,

@@ -54,7 +54,7 @@ pub struct PatchRules {
 }
 
 impl PatchRules {
-    /// Whether any node may be a patch: not where both tolerances of places, or that of the shade, are 0 or negative.
+    /// Tells whether any node may be a patch: not where both tolerances of places, or that of the shade, are 0 or negative.
     pub fn draw_any(&self) -> bool {
         let ErrorTolerances {
             rim_px,

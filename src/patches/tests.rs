@@ -8,7 +8,7 @@ use crate::image::Image;
 use crate::math::camera::{Camera, View};
 use crate::math::octahedral;
 use crate::mesh::Mesh;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{self, BuildOptions, Model, PackedPatch, PackedPatchColors};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
@@ -19,7 +19,7 @@ pub(super) fn model_of(spec: &str) -> Model {
 
 /// The tree of a mesh.
 pub(super) fn of_mesh(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// A sheet of `columns` times `rows` cells over (x, y) from 0 to 1, two triangles each; without those that `is_hole` names.
@@ -112,7 +112,7 @@ pub(super) struct PatchedModel {
 
 impl PatchedModel {
     pub(super) fn new(model: Model) -> Self {
-        let patches = build(&model, &Silent).unwrap();
+        let patches = build(&model, &SilentProgress).unwrap();
         Self { model, patches }
     }
 
@@ -205,7 +205,7 @@ fn records_do_not_depend_on_the_number_of_threads() {
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| build(&model, &Silent).unwrap())
+        pool.install(|| build(&model, &SilentProgress).unwrap())
     };
     assert_eq!(of(1), of(3));
 }

@@ -72,7 +72,7 @@ pub enum PhotoError {
     Gpu(#[from] crate::gpu::Error),
     /// A camera cannot be used by the renderer.
     #[error(transparent)]
-    Camera(#[from] crate::math::camera::Error),
+    Camera(#[from] crate::math::camera::CameraError),
     /// A picture could not be written.
     #[error(transparent)]
     Picture(#[from] crate::image::Error),

@@ -26,11 +26,11 @@ const GAIN_LEVEL: f32 = 3.0;
 /// A photograph, ready for any frame; its pixels are kept elsewhere.
 #[derive(Debug, Clone)]
 pub struct PreparedPhoto {
-    /// Its camera.
+    /// Camera of the photograph.
     pub projected: ProjectedPhoto,
     /// Depth of the model as it sees it.
     pub depth: Arc<PhotoDepth>,
-    /// Its mask, where it has one.
+    /// Mask of the photograph, where it has one.
     pub mask: Option<Arc<PhotoPyramid>>,
     /// Colors at the places where exposures are compared; `None` where it does not show them.
     pub colors: Vec<Option<Vec3>>,

@@ -57,7 +57,7 @@ pub struct ScenePhoto {
     pub file: Option<PathBuf>,
     /// Mask of the photograph, where there is one: black is not used.
     pub mask: Option<PathBuf>,
-    /// Its camera.
+    /// Camera of the photograph.
     pub camera: CalibratedCamera,
 }
 

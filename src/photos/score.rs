@@ -137,7 +137,7 @@ pub fn ladder() -> Vec<LadderRung> {
 pub struct RungScore {
     /// Over pixels that another photograph sees, as the picture is.
     pub seen: RephotographyErrors,
-    /// Those after one gain a channel.
+    /// Differences over those pixels after one gain a channel.
     pub seen_gain: RephotographyErrors,
     /// Over all pixels of the mesh; what is uncovered has the colors of vertices.
     pub mesh: RephotographyErrors,
@@ -150,7 +150,7 @@ pub struct RungScore {
 /// The scores of one photograph.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct PhotoScore {
-    /// Its name.
+    /// Name of the photograph.
     pub name: String,
     /// Pixels of the mesh.
     pub mesh_pixels: u64,

@@ -60,7 +60,7 @@ pub struct PhotoSession<'m> {
 /// Photographs that may be used for a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct PhotoChoice<'a> {
-    /// Their indices in the scene.
+    /// Indices in the scene.
     pub allowed: &'a [usize],
     /// Greatest number of photographs; `None`: as many as the session uses.
     pub most: Option<usize>,

@@ -137,11 +137,11 @@ impl StageModel {
 pub struct StagedPhoto {
     /// Everything but its pixels.
     pub prepared: Arc<PreparedPhoto>,
-    /// Its pixels, at first those of a thumbnail.
+    /// Pixels of the photograph, at first of a thumbnail.
     pub pixels: Arc<PhotoPyramid>,
-    /// Those of a thumbnail.
+    /// Pixels of a thumbnail.
     pub thumbnail: Arc<PhotoPyramid>,
-    /// They are not those of a thumbnail.
+    /// The pixels are more than a thumbnail's.
     pub is_whole: bool,
 }
 
@@ -317,7 +317,7 @@ impl PhotoStage {
         &self.photos
     }
 
-    /// Whether a photograph is there whole.
+    /// Tells whether a photograph is there whole.
     pub fn is_whole(&self, index: usize) -> bool {
         matches!(self.photos.get(index), Some(Some(own)) if own.is_whole)
     }

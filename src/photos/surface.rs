@@ -1,7 +1,7 @@
 //! The surface that a camera sees, pixel by pixel, from the renderers that there are: depth and normals of a picture.
 
 use crate::image::Image;
-use crate::math::camera::{Camera, Light};
+use crate::math::camera::{Camera, HeadlightSource};
 use crate::photos::depth_map::PhotoDepth;
 use crate::photos::error::PhotoError;
 use crate::photos::look::SurfacePixel;
@@ -73,7 +73,7 @@ pub fn renderer_camera(camera: &CalibratedCamera, model: &Model) -> Option<Camer
         view,
         proj,
         y_down: false,
-        light: Light::Point,
+        light: HeadlightSource::Point,
         other: serde_json::Map::new(),
     })
 }

@@ -80,7 +80,7 @@ impl CalibratedCamera {
         }
     }
 
-    /// This camera without distortion.
+    /// Gives the camera without distortion.
     #[must_use]
     pub fn pinhole(&self) -> Self {
         Self {

@@ -52,7 +52,7 @@ pub struct PhotoDepth {
 pub struct DepthQuery {
     /// The point in camera space over its depth: the undistorted ray.
     pub ray: Vec2,
-    /// Its distance along the axis.
+    /// Distance along the axis.
     pub depth: f32,
     /// Tangent of the angle between the surface's normal and the ray.
     pub slope: f32,

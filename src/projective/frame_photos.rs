@@ -14,11 +14,11 @@ pub const MOST_PHOTOS: usize = 64;
 pub struct ChosenPhoto {
     /// Camera and place in the choice.
     pub photo: ProjectedPhoto,
-    /// Its pixels.
+    /// Pixels of the photograph.
     pub pixels: Arc<PhotoPyramid>,
     /// What it sees of the surface.
     pub depth: Arc<PhotoDepth>,
-    /// Its mask, where it has one: what is dark is not used.
+    /// Mask of the photograph, where it has one: what is dark is not used.
     pub mask: Option<Arc<PhotoPyramid>>,
 }
 
@@ -46,7 +46,7 @@ pub struct ComparedPhoto {
 /// Photographs of a frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FramePhotos {
-    /// Those that were chosen, at most [`MOST_PHOTOS`]; ties go to the first.
+    /// Photographs that were chosen, at most [`MOST_PHOTOS`]; ties go to the first.
     pub photos: Vec<ChosenPhoto>,
     /// Direction that they were chosen for.
     pub direction: glam::Vec3,

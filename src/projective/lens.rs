@@ -43,7 +43,7 @@ impl LensModel {
 pub struct CameraLens {
     /// The formula.
     pub model: LensModel,
-    /// Its coefficients; what the formula does not have is 0.
+    /// Coefficients of the formula; what it does not have is 0.
     pub coefficients: [f64; 8],
     /// Largest radius (tangent of the angle from the axis) up to which the formula grows. Beyond it the formula would fold
     /// far points back into the photograph, so nothing there is seen.

@@ -29,7 +29,7 @@ pub enum WeightForm {
 /// Direction that Princ's forms take a photograph to look in.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum PhotoDirection {
-    /// Its optical axis.
+    /// The camera's optical axis.
     Axis,
     /// Through the middle of the model in it.
     #[default]
@@ -112,11 +112,11 @@ impl LookView {
 pub struct LookPhoto<'a> {
     /// Camera and place in the choice.
     pub photo: &'a ProjectedPhoto,
-    /// Its pixels.
+    /// Pixels of the photograph.
     pub pixels: &'a PhotoPyramid,
-    /// Its depth map.
+    /// Depth map of the photograph.
     pub depth: &'a PhotoDepth,
-    /// Its mask, where it has one: what is dark is not used.
+    /// Mask of the photograph, where it has one: what is dark is not used.
     pub mask: Option<&'a PhotoPyramid>,
 }
 
@@ -421,7 +421,7 @@ fn best_of_stage(
     count
 }
 
-/// Whether a candidate comes before another: by weight, and where they tie by its place in the list.
+/// Tells whether a candidate comes before another: by weight, and where they tie by its place in the list.
 fn is_before(one: &PixelCandidate, other: &PixelCandidate) -> bool {
     one.weight > other.weight || (one.weight == other.weight && one.list_index < other.list_index)
 }

@@ -21,7 +21,7 @@ pub struct ProjectedPhoto {
     pub size: Vec2,
     /// Formula of the lens.
     pub lens: LensModel,
-    /// Its coefficients.
+    /// Coefficients of the lens.
     pub coefficients: [f32; 8],
     /// Largest tangent of the angle from the axis that the lens shows.
     pub largest_radius: f32,

@@ -11,12 +11,12 @@ use crate::render::Settings;
 /// Change of a background from top to bottom.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BackgroundGradient {
-    /// What the bottom has more than the top: red, green, blue.
+    /// Change from the top to the bottom: red, green, blue.
     pub(crate) change: [f32; 3],
 }
 
 impl BackgroundGradient {
-    /// That of settings; `None` where the background is of one color.
+    /// Gradient of settings; `None` where the background is of one color.
     pub(crate) fn of(settings: &Settings) -> Option<Self> {
         let (top, bottom) = (settings.background, settings.background_bottom?);
         Some(Self {
@@ -24,7 +24,7 @@ impl BackgroundGradient {
         })
     }
 
-    /// What a pixel gains that nothing covers, in a picture of this height.
+    /// Gain of a pixel that nothing covers, in a picture of this height.
     fn gain(&self, [x, y]: [usize; 2], height: usize) -> [f32; 3] {
         let down = (y as f32 + 0.5) / height as f32;
         self.change.map(|change| change * down + dither(x, y))

@@ -1,4 +1,4 @@
-//! Which backend draws a frame.
+//! Choice of the backend that draws a frame.
 
 use crate::gpu::Error;
 use crate::render::cpu::supported::unsupported_reason;

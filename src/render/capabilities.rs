@@ -1,4 +1,4 @@
-//! What a renderer can do, as far as it decides how a frame is drawn.
+//! Abilities of a renderer, as far as they decide how a frame is drawn.
 
 /// Limits and abilities of the renderer that a frame is planned for, and what of the model fits it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -9,7 +9,7 @@ pub(crate) struct RendererCapabilities {
     pub(crate) largest_guarded_px: f32,
     /// Above this threshold, pixels, splats are drawn sooner than those that are hidden are found.
     pub(crate) largest_hidden_px: f32,
-    /// It is the processor: memory of its own is the host's, and what compute does costs the host's time.
+    /// The device is the processor: memory of its own is the processor's, and what compute does costs the processor's time.
     pub(crate) is_software: bool,
     /// 64-bit atomics on storage buffers, without which nothing is drawn by compute.
     pub(crate) has_int64_atomics: bool,
@@ -26,7 +26,7 @@ pub(crate) struct RendererCapabilities {
 }
 
 impl RendererCapabilities {
-    /// Those of the processor's own renderer.
+    /// Capabilities of the processor's own renderer.
     pub(crate) const PROCESSOR: Self = Self {
         max_point_px: f32::INFINITY,
         largest_guarded_px: 254.0,

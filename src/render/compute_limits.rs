@@ -112,7 +112,7 @@ fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
     }
 }
 
-/// Why splats from vertices are not, where they are blended or hide centers.
+/// Reason why splats from vertices are not, where they are blended or hide centers.
 const BLENDED_POLYGONS: &str =
     "splats from vertices are blended by the rasterizer; leave --path compute out";
 

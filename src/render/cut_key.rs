@@ -1,4 +1,4 @@
-//! What decides the cut of a frame besides the model.
+//! Inputs that decide the cut of a frame besides the model.
 
 use crate::cut;
 use crate::cut::SizeMetric;
@@ -8,7 +8,7 @@ use crate::patches::{PatchCutSettings, PatchRules};
 use crate::render::model_facts::DrawnFacts;
 use crate::render::settings::PolygonSource;
 use crate::render::technique::Technique;
-use crate::render::{Method, Occlusion, Path, Settings, SplatKind, Traversal};
+use crate::render::{CutTraversal, Method, Occlusion, Path, Settings, SplatKind};
 use crate::tree::Model;
 
 /// Above this threshold hidden splats are drawn unless asked otherwise, pixels: discs, of which few are hidden, and squares
@@ -34,7 +34,8 @@ pub fn cut_settings(settings: &Settings, facts: impl Into<DrawnFacts>) -> cut::C
     }
 }
 
-/// What the cut of a frame takes splats for where it leaves out what covers no pixel or is hidden; `None` where it does not.
+/// Footprints that the cut of a frame takes splats for where it leaves out what covers no pixel or is hidden; `None` where it
+/// does not.
 ///
 /// Splats of a pixel at most are drawn where they contain a pixel's center, so that with a falling threshold pictures
 /// become those of triangles with one sample a pixel. As whole pixels they would make outlines wider, by half a pixel
@@ -68,16 +69,16 @@ fn footprints(settings: &Settings, facts: &DrawnFacts) -> Option<cut::SplatFootp
 pub(crate) struct CutKey {
     view: View,
     settings: cut::CutSettings,
-    /// What splats are taken for, where those that are hidden are left out.
+    /// Footprints that splats are taken for, where those that are hidden are left out.
     seen: Option<cut::SplatFootprints>,
-    /// Where the traversal starts; the lists are the same.
-    traversal: Traversal,
-    /// What is drawn as oriented polygons.
+    /// Start of the traversal; the lists are the same.
+    traversal: CutTraversal,
+    /// Source of oriented polygons, where some are drawn.
     polygons: Option<PolygonSource>,
 }
 
 impl CutKey {
-    /// That of a frame; of settings that [`resolve_settings`](crate::render::frame_plan::resolve_settings) gave.
+    /// Key of a frame; of settings that [`resolve_settings`](crate::render::frame_plan::resolve_settings) gave.
     pub(crate) fn of(settings: &Settings, facts: &DrawnFacts, view: &View) -> Self {
         Self {
             view: *settings.view_of_cut(view),
@@ -89,7 +90,7 @@ impl CutKey {
         }
     }
 
-    /// What a cut by error may choose.
+    /// Settings of a cut by error.
     pub(crate) fn by_error(&self, rules: &PatchRules) -> PatchCutSettings {
         PatchCutSettings {
             cut: self.settings,
@@ -98,7 +99,7 @@ impl CutKey {
         }
     }
 
-    /// What is drawn as oriented polygons; `None` where nothing is.
+    /// Source of oriented polygons; `None` where none are drawn.
     pub(crate) fn polygons(&self) -> Option<PolygonSource> {
         self.polygons
     }
@@ -113,12 +114,12 @@ impl CutKey {
         &self.view
     }
 
-    /// Whether it has to be known what of the model is not drawn.
+    /// Tells whether it has to be known what of the model is not drawn.
     pub(crate) fn needs_undrawn(&self) -> bool {
         self.seen.is_some()
     }
 
-    /// Whether splats that are hidden are left out.
+    /// Tells whether splats that are hidden are left out.
     pub(crate) fn hides(&self) -> bool {
         self.seen.is_some_and(|seen| seen.hides)
     }
@@ -146,7 +147,7 @@ impl CutKey {
         into: &mut cut::Cut,
     ) {
         let (view, settings) = (&self.view, &self.settings);
-        selector.set_coherent(self.traversal == Traversal::Coherent);
+        selector.set_coherent(self.traversal == CutTraversal::Coherent);
         match self.seen {
             Some(footprints) => {
                 selector.select_seen(model, view, settings, (footprints, undrawn()), into);

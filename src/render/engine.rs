@@ -1,4 +1,4 @@
-//! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
+//! One way to draw a model for everything that does not care how: on a Vulkan device, or by the reference on
 //! the CPU where there is none.
 
 mod cpu_pictures;
@@ -10,9 +10,9 @@ mod smooth;
 
 use crate::gpu::frame::FrameMeasure;
 use crate::gpu::{DeviceOptions, Error, Gpu};
-use crate::image::{Accumulator, FloatImage, Image, jittered};
+use crate::image::{FloatImage, Image, PictureAccumulator, jittered};
 use crate::math::camera::View;
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use crate::projective::frame_photos::FramePhotos;
 use crate::render::PictureOutputs;
 use crate::render::backend_choice::{AvailableBackends, FrameBackend};
@@ -43,7 +43,7 @@ const VALUES: PictureOutputs = PictureOutputs {
     values: true,
 };
 
-/// Where pictures are made.
+/// Place where pictures are made.
 #[derive(Debug, Clone)]
 pub enum Backend {
     /// A Vulkan device. Where that is the processor in disguise, the processor's own renderer draws what it can in its place.
@@ -52,28 +52,35 @@ pub enum Backend {
     Vulkan(Arc<Gpu>),
     /// The processor's fast renderer; needs no driver. What it cannot draw is refused.
     Cpu,
-    /// Where there is no driver: the processor's fast renderer, and the mirror for what that cannot draw.
+    /// Without a driver: the processor's fast renderer, and the reference for what that cannot draw.
     WithoutDevice,
-    /// The mirrors, on the CPU. Exact and slow; needs no driver.
+    /// The reference, on the processor. Exact and slow; needs no driver.
     Mirror,
 }
 
 impl Backend {
-    /// The name that stands for the mirror where a device is asked for.
-    pub const MIRROR: &'static str = "mirror";
+    /// The name that stands for the reference where a device is asked for.
+    pub const REFERENCE: &'static str = "reference";
+    /// The older name of the reference.
+    const MIRROR: &'static str = "mirror";
     /// The name that stands for the processor's renderer where a device is asked for.
     pub const CPU: &'static str = "cpu";
 
-    /// Opens what `options.device` names: `cpu`, `mirror`, a device's index or a part of its name, or the best device.
+    /// Opens what `options.device` names: `cpu`, `reference` (or `mirror`), a device's index or a part of its name, or the best device.
     ///
     /// # Errors
     /// As [`Gpu::open`].
     pub fn open(options: &DeviceOptions) -> Result<Self, Error> {
         match options.device.as_deref() {
-            Some(Self::MIRROR) => Ok(Self::Mirror),
+            Some(Self::REFERENCE | Self::MIRROR) => Ok(Self::Mirror),
             Some(Self::CPU) => Ok(Self::Cpu),
             _ => Ok(Self::Device(Gpu::open(options)?)),
         }
+    }
+
+    /// Tells whether a name that a device is asked for by is that of a renderer of the processor.
+    pub fn is_of_processor(name: &str) -> bool {
+        matches!(name, Self::CPU | Self::REFERENCE | Self::MIRROR)
     }
 
     /// Name of the device.
@@ -81,11 +88,11 @@ impl Backend {
         match self {
             Self::Device(gpu) | Self::Vulkan(gpu) => &gpu.info().name,
             Self::Cpu | Self::WithoutDevice => Self::CPU,
-            Self::Mirror => Self::MIRROR,
+            Self::Mirror => Self::REFERENCE,
         }
     }
 
-    /// Whether the processor's renderer makes plain pictures of these settings, so that nothing of a device decides.
+    /// Tells whether the processor's renderer makes plain pictures of these settings, so that nothing of a device decides.
     pub fn draws_by_cpu(&self, settings: &Settings) -> bool {
         let can = unsupported_reason(settings, PictureOutputs::default(), [1, 1]).is_none();
         match self {
@@ -117,9 +124,9 @@ pub struct Engine<'m> {
     reference: Option<Box<MirrorEngine>>,
     /// Of pages that could not be read.
     page_messages: Vec<String>,
-    /// What drew the last frame.
+    /// Backend that drew the last frame.
     last: FrameBackend,
-    /// What frames with photographs show.
+    /// Photographs that frames show.
     photos: Option<Arc<FramePhotos>>,
 }
 
@@ -129,7 +136,7 @@ struct EngineModel<'m> {
     model: &'m Model,
     facts: Arc<ModelFacts>,
     is_shown: bool,
-    /// It stands in for these pages.
+    /// Pages that the model stands in for.
     pages: Option<PagedModel>,
 }
 
@@ -286,7 +293,7 @@ impl<'m> Engine<'m> {
     /// # Errors
     /// As [`PagedModel::prepare`]; when device memory runs out.
     fn prepare_pages(&mut self, view: &View, settings: &Settings) -> Result<Settings, Error> {
-        let mut messages = self.load_pages(view, settings, &Silent)?;
+        let mut messages = self.load_pages(view, settings, &SilentProgress)?;
         self.page_messages.append(&mut messages);
         let shown = self.models.iter_mut().filter(|model| model.is_shown);
         let pages = shown.filter_map(|model| model.pages.as_mut());
@@ -317,12 +324,22 @@ impl<'m> Engine<'m> {
         self.device.map(|device| device.scene)
     }
 
-    /// Lets the mirror snap positions to so many binary places of a pixel, 4..=8, in pictures that are compared with those
+    /// Lets the reference snap positions to so many binary places of a pixel, 4..=8, in pictures that are compared with those
     /// of a device ([`Gpu::info`] has its number); 8 at first. A device has its own.
     #[must_use]
     pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
         if let Some(reference) = &mut self.reference {
             reference.set_subpixel_bits(bits);
+        }
+        self
+    }
+
+    /// Gives the reference another albedo than every renderer has, so that tests see their comparisons fail.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_wrong_albedo(mut self, albedo: f32) -> Self {
+        if let Some(reference) = &mut self.reference {
+            reference.set_albedo(albedo);
         }
         self
     }
@@ -376,7 +393,7 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// As [`VulkanRenderer::keep_lists`]; off at first. The mirror never does.
+    /// Keeps draw lists as [`VulkanRenderer::keep_lists`] does; off at first. The reference never does.
     pub fn keep_lists(&mut self, keep: bool) {
         if let Some(device) = &mut self.device {
             device.renderer.keep_lists(keep);
@@ -386,14 +403,14 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// What drawing costs on the device: [`VulkanRenderer::set_costs`]. Other backends have one way to draw.
+    /// Sets what drawing costs on the device: [`VulkanRenderer::set_costs`]. Other backends have one way to draw.
     pub fn set_costs(&mut self, costs: Option<DrawCosts>) {
         if let Some(device) = &mut self.device {
             device.renderer.set_costs(costs);
         }
     }
 
-    /// What the frames from now on report: [`VulkanRenderer::measure`]. Other backends have stages and counts only.
+    /// Sets what the frames from now on report: [`VulkanRenderer::measure`]. Other backends have stages and counts only.
     ///
     /// # Errors
     /// As [`VulkanRenderer::measure`].
@@ -419,7 +436,7 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// As [`VulkanRenderer::overdraw`].
+    /// Gives the counts of pixels as [`VulkanRenderer::overdraw`] does.
     pub fn overdraw(&mut self) -> Option<Vec<u32>> {
         match (self.last, &mut self.device, &self.reference) {
             (FrameBackend::Device, Some(device), _) => device.renderer.overdraw(),
@@ -512,7 +529,7 @@ impl<'m> Engine<'m> {
         settings: &Settings,
         k: u32,
     ) -> Result<FloatImage, Error> {
-        let mut mean = Accumulator::new();
+        let mut mean = PictureAccumulator::new();
         // Every picture has the size of the view, which is all that can go wrong.
         let mut add = |image: &Image| {
             if let Err(error) = mean.add(image) {
@@ -528,7 +545,7 @@ impl<'m> Engine<'m> {
 }
 
 impl DeviceEngine {
-    /// As [`Engine::sample`].
+    /// Draws a sample as [`Engine::sample`] does.
     fn sample(
         &mut self,
         parts: DrawnParts<'_>,

@@ -1,16 +1,16 @@
 //! The uniform block of a frame, and the few values from which it is made. No device is asked.
 
 use crate::abi::{FrameConstants, constants};
-use crate::math::camera::{Light, View};
+use crate::math::camera::{HeadlightSource, View};
 use crate::pack::lit_sphere::SphereLights;
-use crate::pack::{ColorBy, Lighting, Phong, Source, falsecolor};
+use crate::pack::{ColorBy, LampSource, Phong, SurfaceLighting, falsecolor};
 use crate::render::backdrop::BackgroundGradient;
 use crate::render::model_facts::DrawnFacts;
 use crate::render::{AmbientOcclusion, EyeDome, Settings, screen_bounds};
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
-/// What every pass of a frame needs besides its resources.
-#[derive(Debug, Clone, Copy)]
+/// Values that every pass of a frame needs besides its resources.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct FrameContext {
     pub(crate) width: u32,
     pub(crate) height: u32,
@@ -23,12 +23,12 @@ pub(crate) struct FrameContext {
     /// The camera mirrors the picture, so that fronts turn clockwise.
     pub(crate) is_mirrored: bool,
     /// Positions in model space.
-    pub(crate) light: Lighting,
+    pub(crate) light: SurfaceLighting,
     /// Of colors by depth.
     pub(crate) depth_range: [f32; 2],
 }
 
-/// How far splats of this size may reach beyond the model, pixels.
+/// Distance that splats of this size may reach beyond the model, pixels.
 pub(crate) fn margin_px(largest_px: f32) -> f32 {
     largest_px / 2.0 + 3.0
 }
@@ -112,17 +112,17 @@ pub(crate) fn frame_flags(view: &View, settings: &Settings, cull_back: bool) -> 
             constants::FLAG_COLOR_BY_DEPTH,
         ),
         (
-            view.light == Light::Directional || !view.is_perspective,
+            view.light == HeadlightSource::Directional || !view.is_perspective,
             constants::FLAG_PARALLEL_LIGHT,
         ),
         (!view.is_perspective, constants::FLAG_ORTHOGRAPHIC),
         (cull_back, constants::FLAG_CULLS_BACK),
         (
-            matches!(settings.light, Lighting::Phong(_)),
+            matches!(settings.light, SurfaceLighting::Phong(_)),
             constants::FLAG_PHONG,
         ),
         (
-            matches!(settings.light, Lighting::Sphere(_)),
+            matches!(settings.light, SurfaceLighting::Sphere(_)),
             constants::FLAG_LIT_SPHERE,
         ),
     ] {
@@ -187,22 +187,22 @@ pub(crate) fn frame_constants(
     let [sx, sy] = view.scale;
     let [ox, oy] = view.offset;
     let phong = match context.light {
-        Lighting::Phong(phong) => phong,
+        SurfaceLighting::Phong(phong) => phong,
         // Only the exponent is looked at.
-        Lighting::Sphere(sphere) => Phong {
+        SurfaceLighting::Sphere(sphere) => Phong {
             shininess: sphere.lights().shininess,
             ..Phong::default()
         },
         // Not looked at.
-        Lighting::Headlight => Phong::default(),
+        SurfaceLighting::Headlight => Phong::default(),
     };
     let (sphere_lamps, sphere_colors, sphere_rim) = match context.light {
-        Lighting::Sphere(sphere) => sphere_words(&sphere.lights()),
-        Lighting::Headlight | Lighting::Phong(_) => Default::default(),
+        SurfaceLighting::Sphere(sphere) => sphere_words(&sphere.lights()),
+        SurfaceLighting::Headlight | SurfaceLighting::Phong(_) => Default::default(),
     };
     let lamp = match phong.lamp.in_view(view) {
-        Source::Direction(direction) => direction.as_vec3().extend(0.0),
-        Source::Point(position) => position.as_vec3().extend(1.0),
+        LampSource::Direction(direction) => direction.as_vec3().extend(0.0),
+        LampSource::Point(position) => position.as_vec3().extend(1.0),
     }
     .to_array();
     let columns = |m: Mat4| -> [[f32; 4]; 4] {

@@ -1,4 +1,4 @@
-//! How much a frame would draw, counted from its cut before it is drawn.
+//! Estimate of what a frame would draw, counted from its cut before it is drawn.
 
 use crate::cut::StripRun;
 use crate::pack::filtered::drawn_counts;

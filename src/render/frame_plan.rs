@@ -7,7 +7,7 @@
 use crate::abi::FrameConstants;
 use crate::gpu::Error;
 use crate::math::camera::View;
-use crate::pack::splats::Plan;
+use crate::pack::splats::SplatPlan;
 use crate::pack::{ColorBy, filtered, fuzzy};
 use crate::patches::PatchRules;
 use crate::render::capabilities::RendererCapabilities;
@@ -111,14 +111,14 @@ fn surrounds_eye(model: &Model, view: &View) -> bool {
     view.is_perspective && model.is_closed && model.surrounds(view.eye)
 }
 
-/// What is drawn, seen in a view, and the renderer that is to draw it.
+/// Parts that are drawn, seen in a view, and the renderer that is to draw them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PlanInput<'a> {
     pub(crate) parts: DrawnParts<'a>,
     pub(crate) view: &'a View,
     pub(crate) outputs: PictureOutputs,
     pub(crate) capabilities: &'a RendererCapabilities,
-    /// What the renderer's device charges, where that was measured.
+    /// Costs on the renderer's device, where they were measured.
     pub(crate) costs: Option<&'a DrawCosts>,
 }
 
@@ -139,16 +139,16 @@ pub(crate) enum RecordFormat {
     /// None.
     Nothing,
     /// [`Splat`](crate::abi::Splat).
-    Splats(Plan),
+    Splats(SplatPlan),
     /// [`WeightedSplat`](crate::abi::WeightedSplat).
-    Weighted(Plan),
+    Weighted(SplatPlan),
     /// [`FuzzySplat`](crate::abi::FuzzySplat) where compute draws them, else [`WeightedSplat`](crate::abi::WeightedSplat).
-    Fuzzy(Plan, fuzzy::Look),
+    Fuzzy(SplatPlan, fuzzy::FuzzyLook),
     /// [`FilteredSplat`](crate::abi::FilteredSplat).
-    Filtered(filtered::Shade),
+    Filtered(filtered::FilteredShade),
 }
 
-/// Which primitives a frame has, as far as that is known before its cut is.
+/// Kinds of primitives in a frame, as far as they are known before its cut is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct PlannedPrimitives {
     /// Triangles of the cut are drawn as such.
@@ -166,17 +166,17 @@ pub(crate) struct PlannedPrimitives {
 }
 
 /// A frame, planned.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct FramePlan {
     /// [`DrawnParts::id`].
     pub(crate) drawn: u64,
     /// Facts of all that is drawn.
     pub(crate) facts: DrawnFacts,
     pub(crate) view: View,
-    /// As [`resolve_settings`] gives them.
+    /// Settings that [`resolve_settings`] gave.
     pub(crate) settings: Settings,
     pub(crate) technique: Technique,
-    /// What decides the cut, where there is one, of all parts alike; [`FramePlan::cut_of`] has that of each.
+    /// Key of the cut, where there is one, of all parts alike; [`FramePlan::cut_of`] has that of each.
     pub(crate) cut: CutKey,
     pub(crate) cut_place: CutPlace,
     pub(crate) primitives: PlannedPrimitives,
@@ -184,7 +184,7 @@ pub(crate) struct FramePlan {
     pub(crate) may_use_compute: bool,
     /// Compute draws what the device chose, where it is small.
     pub(crate) draws_cut_by_compute: bool,
-    /// Draw lists name splats and triangles by numbers.
+    /// Draw lists hold ids of splats and triangles.
     pub(crate) uploads_ids: bool,
     /// Largest point that is drawn, pixels.
     pub(crate) max_point_px: f32,
@@ -194,8 +194,8 @@ pub(crate) struct FramePlan {
     pub(crate) constants: FrameConstants,
 }
 
-/// What decides the draw lists of a frame: equal ones give the same bytes, as long as the renderer's costs are the same. Made of
-/// what cut and packing are told, and they are told nothing else but what follows from it.
+/// Inputs that decide the draw lists of a frame: equal ones give the same bytes, as long as the renderer's costs are the same.
+/// Made of what cut and packing are told, and they are told nothing else but what follows from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PackKey {
     drawn: u64,
@@ -209,7 +209,7 @@ pub(crate) struct PackKey {
 }
 
 impl RecordFormat {
-    /// Those of a planned frame, with points of at most `max_point_px` pixels.
+    /// Records of a planned frame, with points of at most `max_point_px` pixels.
     fn of(plan: &FramePlan, max_point_px: f32) -> Self {
         let (settings, facts) = (&plan.settings, &plan.facts);
         let splats = splat_plan(settings, max_point_px);
@@ -395,12 +395,12 @@ impl FramePlan {
         RecordFormat::of(self, max_point_px)
     }
 
-    /// What decides the cut of one of its parts.
+    /// Key of the cut of one of its parts.
     pub(crate) fn cut_of(&self, part: FactedModel<'_>) -> CutKey {
         CutKey::of(&self.settings, &part.facts.drawn(), &self.view)
     }
 
-    /// What decides its draw lists.
+    /// Key of its draw lists.
     pub(crate) fn pack_key(&self) -> PackKey {
         PackKey {
             drawn: self.drawn,
@@ -414,7 +414,7 @@ impl FramePlan {
         }
     }
 
-    /// Whether it has to be known what of the model has no area: that takes a look at all of it, once.
+    /// Tells whether it has to be known what of the model has no area: that takes a look at all of it, once.
     pub(crate) fn needs_undrawn(&self) -> bool {
         self.cut_place != CutPlace::Nowhere && (self.cut.needs_undrawn() || self.uploads_ids)
     }
@@ -470,10 +470,10 @@ fn uploads_ids(
     match (settings.list_of, refusal) {
         (ListOf::Records, _) | (ListOf::Auto, Some(_)) => Ok(false),
         (ListOf::Ids, Some(why)) => Err(Error::Unsupported {
-            what: "draw lists of numbers",
+            what: "draw lists of ids",
             why: why.into(),
         }),
-        // What a software device calls its own is the host's memory: the tree would be there twice.
+        // What a software device calls its own is the processor's memory: the tree would be there twice.
         (ListOf::Auto, None) => Ok(!capabilities.is_software && capabilities.fits_tree),
         (ListOf::Ids, None) => Ok(true),
     }

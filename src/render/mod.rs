@@ -40,8 +40,8 @@ pub mod window_renderer;
 
 pub use crate::render::outputs::PictureOutputs;
 pub use crate::render::settings::{
-    AmbientOcclusion, Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path,
-    PhotoDisplay, Reconstruction, Settings, Shading, SplatKind, SumFormat, Traversal,
+    AmbientOcclusion, Blend, Culling, CutOn, CutTraversal, EyeDome, ListOf, Method, Occlusion,
+    Path, PhotoDisplay, Reconstruction, Settings, Shading, SplatKind, SumFormat,
 };
 
 pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;

@@ -5,7 +5,7 @@ use crate::cut::ZeroAreaSet;
 use crate::oriented::resample::{SampleBounds, SampleChoice, SampleError, samples_of};
 use crate::oriented::surface::WeldedSurface;
 use crate::patches::{PatchCut, ResidentPatches};
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use crate::render::vertex_looks::looks_of;
 use crate::tree;
 use crate::tree::{Model, ModelKind};
@@ -44,19 +44,19 @@ pub struct FactedModel<'a> {
     pub model: &'a Model,
     /// Facts of this model.
     pub facts: &'a ModelFacts,
-    /// What is drawn of it, where that was chosen beside the frame: of a page of a paged file.
+    /// Cut of the model, where that was chosen beside the frame: of a page of a paged file.
     pub cut: Option<&'a PatchCut>,
 }
 
 /// Facts on which a plan rests, of a model or of several that are drawn together; lengths and places in model space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DrawnFacts {
-    /// What leaves are. Parts of different kinds are together [`ModelKind::Points`]: nothing holds of them that holds of
+    /// Kind of the leaves. Parts of different kinds are together [`ModelKind::Points`]: nothing holds of them that holds of
     /// triangles alone.
     pub kind: ModelKind,
     /// All surfaces are closed.
     pub is_closed: bool,
-    /// These are points without normals.
+    /// Points without normals.
     pub lacks_normals: bool,
     /// Smallest corner of the axis-aligned box.
     pub min: Vec3,
@@ -64,7 +64,7 @@ pub struct DrawnFacts {
     pub max: Vec3,
     /// Center of a sphere around everything.
     pub orbit_center: Vec3,
-    /// Its radius.
+    /// Radius of that sphere.
     pub orbit_radius: f32,
     /// World position of the model-space zero.
     pub origin: DVec3,
@@ -131,7 +131,7 @@ impl ModelFacts {
         }
     }
 
-    /// Those of a page of a paged file, whose frames rest on facts of the whole file; `has_colors` of the file too.
+    /// Facts of a page of a paged file, whose frames rest on facts of the whole file; `has_colors` of the file too.
     pub(crate) fn of_page(drawn: DrawnFacts, has_colors: bool) -> Self {
         Self {
             id: MODELS.fetch_add(1, Ordering::Relaxed),
@@ -162,11 +162,11 @@ impl ModelFacts {
     /// Nodes as polygons; made at the first call, in some seconds of processor time for each million triangles.
     pub(crate) fn patches(&self, model: &Model) -> &ResidentPatches {
         // Nobody cancels.
-        let made = || ResidentPatches::build(model, &Silent).unwrap_or_default();
+        let made = || ResidentPatches::build(model, &SilentProgress).unwrap_or_default();
         self.patches.get_or_init(made)
     }
 
-    /// What bounds the number of even splats; found at the first call.
+    /// Bounds of the number of even splats; found at the first call.
     pub(crate) fn sample_bounds(&self, model: &Model) -> &SampleBounds {
         let position = |v: u32| model.vertices.get(v as usize).map(|v| v.position);
         let found = || SampleBounds::of(position, &model.triangles);
@@ -206,7 +206,7 @@ impl ModelFacts {
         made
     }
 
-    /// Whether they are there.
+    /// Tells whether patches are there.
     pub(crate) fn has_patches(&self) -> bool {
         self.patches.get().is_some()
     }
@@ -309,7 +309,7 @@ impl<'a> DrawnParts<'a> {
             .unwrap_or_else(|| DrawnFacts::from(&Model::default()))
     }
 
-    /// Whether some vertex has a color other than white, or no normal.
+    /// Tells whether some vertex has a color other than white, or no normal.
     pub(crate) fn has_colors(self) -> bool {
         self.parts.iter().any(|part| part.facts.has_colors)
     }

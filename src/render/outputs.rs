@@ -1,6 +1,6 @@
-//! What pictures hold.
+//! Contents of pictures.
 
-/// What a picture holds besides color.
+/// Contents of a picture besides color.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PictureOutputs {
     /// Fill [`Image::depth`](crate::image::Image::depth): view-space distance at each pixel center (of a splat or point: of

@@ -1,4 +1,4 @@
-//! What the packing of splats needs of the settings of a frame.
+//! Parameters of packing splats, from the settings of a frame.
 
 use crate::pack;
 use crate::pack::ColorBy;
@@ -15,9 +15,9 @@ pub(crate) fn largest_splat_px(facts: &DrawnFacts, settings: &Settings) -> f32 {
     }
 }
 
-/// What the packing of splats needs of the settings.
-pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::Plan {
-    pack::splats::Plan {
+/// Parameters of packing splats, from the settings.
+pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::SplatPlan {
+    pack::splats::SplatPlan {
         footprint: settings.footprint(),
         threshold_px: settings.threshold_px.max(1.0),
         size: settings.size,
@@ -30,9 +30,9 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::Plan 
     }
 }
 
-/// What the packing of fuzzy splats for compute needs of the settings besides [`splat_plan`].
-pub fn fuzzy_look(settings: &Settings, facts: &DrawnFacts) -> pack::fuzzy::Look {
-    pack::fuzzy::Look {
+/// Parameters of packing fuzzy splats for compute, besides [`splat_plan`].
+pub fn fuzzy_look(settings: &Settings, facts: &DrawnFacts) -> pack::fuzzy::FuzzyLook {
+    pack::fuzzy::FuzzyLook {
         is_gauss: settings.splat == SplatKind::Gauss,
         depth_offset: settings.depth_offset(),
         two_sided: settings.two_sided,
@@ -43,16 +43,16 @@ pub fn fuzzy_look(settings: &Settings, facts: &DrawnFacts) -> pack::fuzzy::Look 
     }
 }
 
-/// What the packing of filtered splats needs of the settings; `depth_range` is that of
+/// Parameters of packing filtered splats; `depth_range` is that of
 /// [`falsecolor::depth_range`](pack::falsecolor::depth_range).
 pub fn filtered_shade(
     settings: &Settings,
     facts: &DrawnFacts,
     depth_range: [f32; 2],
     max_size_px: f32,
-) -> pack::filtered::Shade {
+) -> pack::filtered::FilteredShade {
     let cull_back = settings.draws_fronts_only(facts.is_closed) && facts.kind.is_surface();
-    pack::filtered::Shade {
+    pack::filtered::FilteredShade {
         side_px: settings.threshold_px.max(1.0),
         max_size_px,
         splats_only: settings.method == Method::Splats,

@@ -27,7 +27,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How a paged file is drawn.
+/// Options of drawing a paged file.
 #[derive(Debug, Clone, Copy)]
 pub struct PagedModelOptions {
     /// Bytes of pages in memory. What the picture needs first is held first; what does not fit is drawn coarser.
@@ -48,7 +48,7 @@ pub struct PagedModelOptions {
 pub enum FilePrefix {
     /// Number of bytes.
     Bytes(u64),
-    /// This part of its bytes, 0 to 1.
+    /// Part of the file's bytes, 0 to 1.
     Part(f64),
 }
 
@@ -85,7 +85,7 @@ struct PageFacts {
     coarse: Option<Arc<ModelFacts>>,
 }
 
-/// What decides the cut over pages; equal ones choose the same.
+/// Inputs that decide the cut over pages; equal ones choose the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct PagedCutKey {
     cut: CutKey,
@@ -108,7 +108,7 @@ pub struct PagedModel {
     cut: PagedCut,
     /// Facts of each part of the cut.
     cut_facts: Vec<Arc<ModelFacts>>,
-    /// What the cut was chosen for.
+    /// Key that the cut was chosen for.
     chosen: Option<PagedCutKey>,
     /// Grows with each cut that is chosen.
     generation: u64,
@@ -217,7 +217,7 @@ impl PagedModel {
         }
     }
 
-    /// Whether pages came that the last frame did not have.
+    /// Tells whether pages came that the last frame did not have.
     pub fn has_news(&self) -> bool {
         self.loader.has_pages()
     }
@@ -406,7 +406,7 @@ impl PagedModel {
         self.generation
     }
 
-    /// Whether it was waited as long as is allowed, and the first page is there.
+    /// Tells whether it was waited as long as is allowed, and the first page is there.
     fn is_late(&self) -> bool {
         let longest = self.options.longest_wait;
         !self.cache.is_empty() && longest.is_some_and(|longest| self.opened.elapsed() >= longest)
@@ -474,7 +474,7 @@ pub(crate) fn generation_of<'a>(pages: impl Iterator<Item = &'a PagedModel>) -> 
     })
 }
 
-/// Whether a closed surface surrounds a point, by what the nodes of a page's last level say of it: the sum of their solid
+/// Tells whether a closed surface surrounds a point, by what the nodes of a page's last level say of it: the sum of their solid
 /// angles, each node's taken for that of its vector area at its center. Source: Barill, Dickson, Schmidt, Levin and Jacobson,
 /// *Fast Winding Numbers for Soups and Clouds* (2018), order 0. Exact far from the surface; near it by a node's size.
 fn surrounds(model: &Model, point: Vec3) -> bool {
@@ -485,7 +485,7 @@ fn surrounds(model: &Model, point: Vec3) -> bool {
     let solid_angle = |id: u32| {
         let node: &Node = &tree.nodes[id as usize];
         let area = tree.attributes[id as usize].area;
-        let unit = crate::tree::Moments::UNIT;
+        let unit = crate::tree::SurfaceMoments::UNIT;
         let vector = tree.moments[id as usize].vector_area.map(f32::from);
         let vector = (Vec3::from_array(vector) * (area / unit)).as_dvec3();
         let to = node.center.as_dvec3() - point.as_dvec3();

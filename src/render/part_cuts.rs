@@ -122,7 +122,7 @@ impl PartCuts {
         }
     }
 
-    /// Whether these are patches.
+    /// Tells whether these are patches.
     pub(crate) fn has_patches(&self) -> bool {
         matches!(self.polygons, Some(PolygonSource::Patches(_)))
     }
@@ -197,7 +197,7 @@ impl PartCuts {
     }
 
     /// Number of records that the splats need room for.
-    pub fn splat_count(&self, plan: &splats::Plan) -> usize {
+    pub fn splat_count(&self, plan: &splats::SplatPlan) -> usize {
         self.iter().map(|cut| splats::count(cut, plan)).sum()
     }
 }

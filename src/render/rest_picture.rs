@@ -3,7 +3,7 @@
 
 use crate::gpu::image::DeviceImage as MappedImage;
 use crate::gpu::{Error, Gpu};
-use crate::image::{Accumulator, EVEN_SAMPLES, Image, evenly_by_fours, mean_difference};
+use crate::image::{EVEN_SAMPLES, Image, PictureAccumulator, evenly_by_fours, mean_difference};
 use crate::math::camera::View;
 use crate::pack::ColorBy;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
@@ -33,7 +33,7 @@ const VALUES: PictureOutputs = PictureOutputs {
 #[derive(Debug, Default)]
 pub(crate) struct RestPicture {
     /// Samples of the first and third quarter, and of the others.
-    halves: [Accumulator; 2],
+    halves: [PictureAccumulator; 2],
     is_over: bool,
     /// Number of slow samples.
     slow: u32,
@@ -44,7 +44,7 @@ pub(crate) struct RestPicture {
     cpu: Option<CpuSampler>,
 }
 
-/// What draws samples on the processor.
+/// Renderer that draws samples on the processor.
 #[derive(Debug)]
 struct CpuSampler {
     renderer: Box<CpuRenderer>,
@@ -52,7 +52,7 @@ struct CpuSampler {
     area: DrawnArea,
 }
 
-/// What a sample is drawn of, and by whom.
+/// Parts that a sample is drawn of, and the renderer that draws it.
 pub(crate) struct SampleRequest<'a> {
     pub(crate) parts: DrawnParts<'a>,
     pub(crate) view: &'a View,
@@ -61,7 +61,7 @@ pub(crate) struct SampleRequest<'a> {
     pub(crate) device: Option<(&'a VulkanRenderer, &'a mut DeviceScene)>,
 }
 
-/// Whether frames of these settings have a mean that is nearer to the truth: not visibility splats, which are put together
+/// Tells whether frames of these settings have a mean that is nearer to the truth: not visibility splats, which are put together
 /// from whole pixels, nor filtered ones, which are means already and would be blurred, nor data.
 pub(crate) fn has_mean(settings: &Settings) -> bool {
     let shows_light = matches!(settings.color_by, ColorBy::Shading | ColorBy::Primitive);
@@ -87,7 +87,7 @@ impl RestPicture {
         *self = Self::default();
     }
 
-    /// Whether more samples would make it smoother.
+    /// Tells whether more samples would make it no smoother.
     pub(crate) fn is_over(&self) -> bool {
         self.is_over
     }
@@ -104,7 +104,7 @@ impl RestPicture {
 
     /// Number of samples so far.
     fn count(&self) -> u32 {
-        self.halves.iter().map(Accumulator::count).sum()
+        self.halves.iter().map(PictureAccumulator::count).sum()
     }
 
     /// Draws one more sample. Tells whether there is a new mean to be shown. No submission may read the means.

@@ -157,7 +157,7 @@ fn areas_of(
     Some(areas)
 }
 
-/// Where tiles are set, with small gaps.
+/// Runs of tiles that are set, with small gaps.
 fn runs(tiles: &[bool]) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for (at, _) in tiles.iter().enumerate().filter(|(_, is_set)| **is_set) {
@@ -174,7 +174,7 @@ pub(crate) fn area([left, top, right, bottom]: [u32; 4]) -> [u32; 4] {
     [left, top, right - left, bottom - top]
 }
 
-/// How many pixels there are in one.
+/// Number of pixels in a rectangle.
 pub(crate) fn pixels([left, top, right, bottom]: [u32; 4]) -> u64 {
     u64::from(right - left) * u64::from(bottom - top)
 }

@@ -3,11 +3,11 @@
 use crate::cut::SizeMetric;
 use crate::math::camera::View;
 use crate::oriented::splats::SplatRules;
-use crate::pack::{ColorBy, Footprint, Lighting};
+use crate::pack::{ColorBy, Footprint, SurfaceLighting};
 use crate::patches::PatchRules;
 use crate::render::outputs::PictureOutputs;
 
-/// How the model is drawn.
+/// Method by which the model is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
@@ -22,7 +22,7 @@ pub enum Method {
     Pop,
 }
 
-/// What a splat looks like.
+/// Look of a splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SplatKind {
@@ -33,7 +33,7 @@ pub enum SplatKind {
     Disc,
     /// A disc in the plane of the surface, seen in perspective.
     Ellipse,
-    /// As [`SplatKind::Ellipse`], with weights that fall off as a Gaussian of half the radius.
+    /// Ellipses as [`SplatKind::Ellipse`] has, with weights that fall off as a Gaussian of half the radius.
     Gauss,
     /// One pixel at the center where it is visible; what lies between is reconstructed on the picture.
     Visibility,
@@ -42,13 +42,13 @@ pub enum SplatKind {
 }
 
 impl SplatKind {
-    /// Whether the host can draw such splats in the place of a software device.
+    /// Tells whether the processor can draw such splats in the place of a software device.
     pub fn host_draws(self) -> bool {
         matches!(self, Self::Square | Self::Disc | Self::Filtered)
     }
 }
 
-/// How splats that overlap become one surface. Square, disc, ellipse and Gaussian only.
+/// Way in which splats that overlap become one surface. Square, disc, ellipse and Gaussian only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Blend {
@@ -56,9 +56,9 @@ pub enum Blend {
     Opaque,
     /// Two passes and a division: the weighted mean of all within the depth offset of the front.
     TwoPass,
-    /// One pass with a depth threshold. Depends on the order of drawing; on the mirror only.
+    /// One pass with a depth threshold. Depends on the order of drawing; in the reference only.
     DepthThreshold,
-    /// One pass with a depth range a pixel. Depends on the order of drawing; on the mirror only.
+    /// One pass with a depth range a pixel. Depends on the order of drawing; in the reference only.
     DepthRange,
 }
 
@@ -83,7 +83,7 @@ pub enum SumFormat {
     Float,
 }
 
-/// How [`SplatKind::Visibility`] fills the pixels between the centers.
+/// Way in which [`SplatKind::Visibility`] fills the pixels between the centers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reconstruction {
@@ -96,7 +96,7 @@ pub enum Reconstruction {
     PullPush,
 }
 
-/// What draws small primitives on a device. The picture is the same.
+/// Choice of what draws small primitives on a device. The picture is the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Path {
@@ -110,34 +110,34 @@ pub enum Path {
     Compute,
 }
 
-/// What chooses the cut of a device's frame. The picture is the same, but where two surfaces are equally near.
+/// Choice of who makes the cut of a device's frame. The picture is the same, but where two surfaces are equally near.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CutOn {
-    /// The device where it can and was measured to be faster, else the host.
+    /// The device where it can and was measured to be faster, else the processor.
     #[default]
     Auto,
-    /// The host.
+    /// The processor.
     Host,
     /// The device; refused where it cannot.
     Device,
 }
 
-/// Where the host starts when it chooses the cut of a frame. The picture is the same to the bit.
+/// Start of the processor's traversal for the cut of a frame. The picture is the same to the bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Traversal {
-    /// Where it was measured to be faster: at the root (docs/PERFORMANCE.md).
+pub enum CutTraversal {
+    /// Start that was measured to be faster: at the root (docs/PERFORMANCE.md).
     #[default]
     Auto,
     /// At the root.
     Root,
-    /// Where the last cut went, as far as that is known to give the same lists, else at the root
+    /// Start at the last cut, as far as that is known to give the same lists, else at the root
     /// ([`cut::Selector::set_coherent`](crate::cut::CutSelector::set_coherent)).
     Coherent,
 }
 
-/// What the host tells a device of the splats and triangles of a cut. The picture is the same.
+/// Contents of what the processor tells a device of the splats and triangles of a cut. The picture is the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ListOf {
@@ -146,15 +146,15 @@ pub enum ListOf {
     Auto,
     /// The numbers of nodes, leaves and triangles: the device has the tree, and makes the records; refused where it cannot.
     Ids,
-    /// What is drawn of each: centers, normals, colors; corners.
+    /// Records of each: centers, normals, colors; corners.
     Records,
 }
 
-/// Whether splats that nearer splats hide are left out. The picture is the same to the bit.
+/// Choice to leave out splats that nearer splats hide. The picture is the same to the bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Occlusion {
-    /// Where that pays.
+    /// Left out where that pays.
     #[default]
     Auto,
     /// Wherever it can be told: of opaque squares and discs that a cut chooses.
@@ -163,7 +163,7 @@ pub enum Occlusion {
     Off,
 }
 
-/// Whether pixels are darkened whose neighbors are nearer, so that depth shows where nothing is lit (eye-dome lighting).
+/// Choice to darken pixels whose neighbors are nearer, so that depth shows where nothing is lit (eye-dome lighting).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EyeDome {
@@ -176,7 +176,7 @@ pub enum EyeDome {
     Off,
 }
 
-/// Whether pixels are darkened that lie deeper than what is around them (ambient occlusion in screen space), so that shape shows
+/// Choice to darken pixels that lie deeper than what is around them (ambient occlusion in screen space), so that shape shows
 /// where the light is even.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -190,20 +190,20 @@ pub enum AmbientOcclusion {
     Off,
 }
 
-/// What of photographs is shown on the surface, where some are given to the renderer.
+/// Contents of photographs that are shown on the surface, where some are given to the renderer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PhotoDisplay {
     /// Nothing.
     #[default]
     Off,
-    /// Their colors.
+    /// Colors of the photographs.
     Color,
-    /// Which photograph is the best at a pixel, as a color.
+    /// Index of the photograph that is the best at a pixel, as a color.
     Source,
 }
 
-/// Where oriented polygons come from.
+/// Source of oriented polygons.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum PolygonSource {
     /// Vertices of the mesh, by these rules.
@@ -212,10 +212,10 @@ pub(crate) enum PolygonSource {
     Patches(PatchRules),
 }
 
-/// Whether what faces away is dropped.
+/// Choice to drop what faces away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Culling {
-    /// Where it cannot be seen: on surfaces that are closed and oriented outward, unless they surround the eye.
+    /// Dropped where it cannot be seen: on surfaces that are closed and oriented outward, unless they surround the eye.
     #[default]
     Auto,
     /// Always. On an open surface its back disappears.
@@ -227,36 +227,36 @@ pub enum Culling {
 /// Everything that decides a picture besides model and camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// How the model is drawn.
+    /// Method by which the model is drawn.
     pub method: Method,
-    /// What splats look like.
+    /// Look of splats.
     pub splat: SplatKind,
     /// Splats are made from the vertices of the mesh instead of the tree, by these rules; of [`Method::Splats`] only.
     pub vertex_splats: Option<SplatRules>,
     /// Nodes whose error is small are drawn as one oriented polygon, whatever their size; of [`Method::Pop`] and surfaces only.
     /// Their records are made at the first frame that has patches, and kept: about 80 bytes a triangle.
     pub patches: Option<PatchRules>,
-    /// How they are blended; `None` is the usual way of their kind, [`Settings::blend`].
+    /// Way of blending them; `None` is the usual way of their kind, [`Settings::blend`].
     pub blend: Option<Blend>,
     /// When splats are lit.
     pub shading: Shading,
     /// Of what the sums of blended splats are made; `None` is 32-bit floats where the device can blend them, else 16-bit.
-    /// The mirror has 32-bit floats.
+    /// The reference has 32-bit floats.
     pub sums: Option<SumFormat>,
     /// Standard deviation of the Gaussian that [`SplatKind::Gauss`] splats are widened by where they are blended,
     /// pixels, 0 to 16; `None` is the usual one, [`Settings::low_pass_px`].
     pub low_pass_px: Option<f32>,
-    /// How visibility splats are reconstructed.
+    /// Way of reconstructing between visibility splats.
     pub reconstruction: Reconstruction,
-    /// What draws small primitives on a device.
+    /// Choice of what draws small primitives on a device.
     pub path: Path,
-    /// What chooses the cut on a device.
+    /// Choice of who makes the cut on a device.
     pub cut_on: CutOn,
-    /// Where the host starts when it chooses a cut.
-    pub traversal: Traversal,
-    /// What draw lists hold on a device.
+    /// Start of the processor's traversal for a cut.
+    pub traversal: CutTraversal,
+    /// Contents of draw lists on a device.
     pub list_of: ListOf,
-    /// Whether what is hidden is left out.
+    /// Choice to leave out what is hidden.
     pub occlusion: Occlusion,
     /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0. Some frames take less than
     /// a pixel and a half for a pixel, see [`crate::render::frame_plan::resolve_settings`].
@@ -266,13 +266,13 @@ pub struct Settings {
     pub depth_offset: Option<f32>,
     /// Darkening by what is nearer beside a pixel; never of colors that are data.
     pub eye_dome: EyeDome,
-    /// How strong that is: 0 to 10, usually 1.
+    /// Strength of that: 0 to 10, usually 1.
     pub eye_dome_strength: f32,
     /// Darkening of what lies deep between its surroundings; never of colors that are data.
     pub ambient_occlusion: AmbientOcclusion,
-    /// How strong that is: 0 to 10, usually 1.
+    /// Strength of that: 0 to 10, usually 1.
     pub ambient_occlusion_strength: f32,
-    /// How far around a pixel that looks, 1 to 256 pixels; `None` is the usual part of the picture, see
+    /// Radius around a pixel that it looks at, 1 to 256 pixels; `None` is the usual part of the picture, see
     /// [`Settings::ambient_occlusion_radius_px`].
     pub ambient_occlusion_reach_px: Option<f32>,
     /// Photographs on the surface, in place of its shaded colors.
@@ -281,10 +281,10 @@ pub struct Settings {
     pub marks_uncovered: bool,
     /// Back-face and normal-cone culling.
     pub culling: Culling,
-    /// What decides the color.
+    /// Source of the color.
     pub color_by: ColorBy,
-    /// How surfaces are lit; positions in world space.
-    pub light: Lighting,
+    /// Light on surfaces; positions in world space.
+    pub light: SurfaceLighting,
     /// Light both sides of a surface.
     pub two_sided: bool,
     /// Multiply by vertex colors.
@@ -294,7 +294,7 @@ pub struct Settings {
     /// Background at the lower edge of the picture, where it is not the same everywhere: what lies between changes evenly, and
     /// is dithered.
     pub background_bottom: Option<[f32; 3]>,
-    /// What "projected diameter" means.
+    /// Meaning of "projected diameter".
     pub size: SizeMetric,
     /// Draw the cut of this view, held while the camera looks at it from elsewhere; none: that of the view which is drawn.
     /// Splats have the size in the model that they have in that view, and what it does not see is not there. Methods without
@@ -316,7 +316,7 @@ impl Default for Settings {
             reconstruction: Reconstruction::Gaussian,
             path: Path::Auto,
             cut_on: CutOn::Auto,
-            traversal: Traversal::Auto,
+            traversal: CutTraversal::Auto,
             list_of: ListOf::Auto,
             occlusion: Occlusion::Auto,
             depth_offset: None,
@@ -330,7 +330,7 @@ impl Default for Settings {
             marks_uncovered: false,
             culling: Culling::Auto,
             color_by: ColorBy::Shading,
-            light: Lighting::Headlight,
+            light: SurfaceLighting::Headlight,
             two_sided: true,
             use_colors: true,
             background: [0.0; 3],
@@ -342,24 +342,24 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Whether the headlight and nothing else decides how bright a surface is: no lamp, and no data as colors.
+    /// Tells whether the headlight and nothing else decides how bright a surface is: no lamp, and no data as colors.
     pub fn has_headlight(&self) -> bool {
-        self.light == Lighting::Headlight && !self.color_by.is_data()
+        self.light == SurfaceLighting::Headlight && !self.color_by.is_data()
     }
 
-    /// Whether everything is gray, of models that have colors or none.
+    /// Tells whether everything is gray, of models that have colors or none.
     pub(crate) fn shades_gray(&self, has_colors: bool) -> bool {
         let is_shaded = self.color_by == ColorBy::Shading;
         is_shaded && self.light.is_gray() && !(self.use_colors && has_colors)
     }
 
-    /// Whether photographs are put on the surface.
+    /// Tells whether photographs are put on the surface.
     pub fn shows_photos(&self) -> bool {
         self.photos != PhotoDisplay::Off
     }
 
-    /// What a frame of these settings has to hold besides color for its looks, and for pictures with these outputs: photographs
-    /// are weighed by normals, where the splats have any.
+    /// Contents that a frame of these settings has to hold besides color for its looks, and for pictures with these outputs:
+    /// photographs are weighed by normals, where the splats have any.
     pub fn outputs_of_frame(&self, outputs: PictureOutputs) -> PictureOutputs {
         PictureOutputs {
             normal: outputs.normal || (self.shows_photos() && !self.draws_filtered()),
@@ -368,7 +368,7 @@ impl Settings {
         }
     }
 
-    /// Whether what faces away is dropped for a model that is closed or not, seen from outside.
+    /// Tells whether what faces away is dropped for a model that is closed or not, seen from outside.
     pub fn culls_back(&self, is_closed: bool) -> bool {
         match self.culling {
             Culling::Auto => is_closed,
@@ -377,12 +377,13 @@ impl Settings {
         }
     }
 
-    /// Whether only what faces the eye is drawn: where the cut drops what faces away, unless it is looked at from elsewhere.
+    /// Tells whether only what faces the eye is drawn: where the cut drops what faces away, unless it is looked at from
+    /// elsewhere.
     pub fn draws_fronts_only(&self, is_closed: bool) -> bool {
         self.culls_back(is_closed) && !self.holds_cut()
     }
 
-    /// Whether the cut is that of another view.
+    /// Tells whether the cut is that of another view.
     pub fn holds_cut(&self) -> bool {
         self.cut_view.is_some() && self.has_cut()
     }
@@ -392,7 +393,7 @@ impl Settings {
         self.cut_view.as_ref().unwrap_or(view)
     }
 
-    /// Whether any splat is drawn.
+    /// Tells whether any splat is drawn.
     pub fn draws_splats(&self) -> bool {
         self.method != Method::Triangles
     }
@@ -403,7 +404,7 @@ impl Settings {
         rules.filter(|_| self.method == Method::Splats)
     }
 
-    /// Where the oriented polygons come from that are drawn; `None` where there are none.
+    /// Source of the oriented polygons that are drawn; `None` where there are none.
     pub(crate) fn drawn_polygons(&self) -> Option<PolygonSource> {
         match (self.drawn_vertex_splats(), self.drawn_patches()) {
             (Some(rules), _) => Some(PolygonSource::Vertices(*rules)),
@@ -417,12 +418,12 @@ impl Settings {
         self.patches.filter(|rules| is_cut && rules.draw_any())
     }
 
-    /// Whether what is drawn is chosen before the frame: by a cut, or as splats from vertices.
+    /// Tells whether what is drawn is chosen before the frame: by a cut, or as splats from vertices.
     pub(crate) fn has_lists(&self) -> bool {
         self.has_cut() || self.drawn_vertex_splats().is_some()
     }
 
-    /// Whether the cut decides what is drawn.
+    /// Tells whether the cut decides what is drawn.
     pub fn has_cut(&self) -> bool {
         match self.method {
             Method::Splats => self.vertex_splats.is_none(),
@@ -431,24 +432,24 @@ impl Settings {
         }
     }
 
-    /// Whether filtered splats are drawn: they need the sums of the tree ([`crate::tree::Moments`]).
+    /// Tells whether filtered splats are drawn: they need the sums of the tree ([`crate::tree::SurfaceMoments`]).
     pub fn draws_filtered(&self) -> bool {
         self.draws_splats() && self.splat == SplatKind::Filtered
     }
 
-    /// How far around a pixel of a picture of this size ambient occlusion looks, pixels: 4 % of the shorter side, so that
+    /// Radius around a pixel of a picture of this size that ambient occlusion looks at, pixels: 4 % of the shorter side, so that
     /// pictures of one view look alike in any size.
     pub fn ambient_occlusion_radius_px(&self, width: u32, height: u32) -> f32 {
         let usual = (0.04 * width.min(height) as f32).clamp(4.0, 64.0);
         self.ambient_occlusion_reach_px.unwrap_or(usual)
     }
 
-    /// Whether splats are drawn as visible centers with a reconstruction between them.
+    /// Tells whether splats are drawn as visible centers with a reconstruction between them.
     pub fn draws_visibility(&self) -> bool {
         self.draws_splats() && self.splat == SplatKind::Visibility
     }
 
-    /// How splats are blended: Gaussians in two passes, the others not at all unless asked for.
+    /// Way of blending splats: Gaussians in two passes, the others not at all unless asked for.
     pub fn blend(&self) -> Blend {
         self.blend.unwrap_or(match self.splat {
             SplatKind::Gauss => Blend::TwoPass,
@@ -466,7 +467,7 @@ impl Settings {
         }
     }
 
-    /// Whether the sums of weights are coverage: Gaussians that stand for a known area of surface.
+    /// Tells whether the sums of weights are coverage: Gaussians that stand for a known area of surface.
     pub fn sums_coverage(&self, has_triangles: bool) -> bool {
         self.splat == SplatKind::Gauss
             && self.blend() == Blend::TwoPass
@@ -474,7 +475,7 @@ impl Settings {
             && has_triangles
     }
 
-    /// What pixels a splat covers, of the kinds that cover any.
+    /// Pixels that a splat covers, of the kinds that cover any.
     pub fn footprint(&self) -> Footprint {
         match self.splat {
             SplatKind::Square | SplatKind::Filtered => Footprint::Square,

@@ -1,4 +1,4 @@
-//! What one frame cost: the stages on the CPU with their clocks and their spans in the log, the passes on the device.
+//! Cost of one frame: the stages on the CPU with their clocks and their spans in the log, the passes on the device.
 
 use crate::gpu::frame::PassTime;
 use crate::gpu::frame::{DeviceTimes, PassCounters};
@@ -24,7 +24,7 @@ pub struct FrameCounts {
     pub draw_list_bytes: u64,
 }
 
-/// How many primitives cover the pixels of a picture.
+/// Numbers of primitives that cover the pixels of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct OverdrawSummary {
     /// Pixels that one covers at least.
@@ -36,7 +36,7 @@ pub struct OverdrawSummary {
 }
 
 impl OverdrawSummary {
-    /// That of counts of pixels.
+    /// Summary of counts of pixels.
     pub fn of(counts: impl IntoIterator<Item = u32>) -> Self {
         counts.into_iter().fold(Self::default(), |sum, count| Self {
             covered: sum.covered + u64::from(count > 0),
@@ -45,7 +45,7 @@ impl OverdrawSummary {
         })
     }
 
-    /// That of this picture and another together.
+    /// Summary of this picture and another together.
     #[must_use]
     pub fn with(self, other: Self) -> Self {
         Self {
@@ -78,7 +78,7 @@ impl std::fmt::Display for OverdrawSummary {
     }
 }
 
-/// What one frame cost.
+/// Cost of one frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameTimes {
     /// From setting the camera to the finished image on the device, milliseconds.
@@ -99,21 +99,22 @@ pub struct FrameTimes {
     pub starts: StageStarts,
     /// Each pass on the device.
     pub passes: Vec<PassTime>,
-    /// Where the passes lie on the device's clock.
+    /// Times of the passes on the device's clock.
     pub device: DeviceTimes,
-    /// What each pass counted; empty unless [`Engine::measure`](crate::render::engine::Engine::measure) asked for it.
+    /// Counts of each pass; empty unless [`Engine::measure`](crate::render::engine::Engine::measure) asked for it.
     pub counters: Vec<PassCounters>,
-    /// What was drawn.
+    /// Counts of what was drawn.
     pub counts: FrameCounts,
-    /// How much of that covers a pixel, where that is shown ([`ColorBy::Overdraw`](crate::pack::ColorBy::Overdraw)).
+    /// Overdraw, where that is shown ([`ColorBy::Overdraw`](crate::pack::ColorBy::Overdraw)).
     pub overdraw: Option<OverdrawSummary>,
-    /// What was not made again; the counts are those of what is drawn all the same.
+    /// Work that was not done again; the counts are those of what is drawn all the same.
     pub kept: KeptWork,
     /// Bytes that the host wrote for the device: draw lists, unless they were kept, and uniform blocks.
     pub uploaded_bytes: u64,
 }
 
-/// What a frame has from one before it, see [`Renderer::keep_lists`](crate::render::vulkan::renderer::VulkanRenderer::keep_lists).
+/// Work that a frame has from one before it, see
+/// [`Renderer::keep_lists`](crate::render::vulkan::renderer::VulkanRenderer::keep_lists).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum KeptWork {
     /// Nothing, or it has no lists.
@@ -204,12 +205,12 @@ impl RunningStage {
     }
 }
 
-/// When the parts of a frame began, on the host's clock; `None` for what the frame did not do.
+/// When the parts of a frame began, on the processor's clock; `None` for what the frame did not do.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct StageStarts {
     /// The frame.
     pub frame: Option<Instant>,
-    /// Its submission.
+    /// Submission to the device.
     pub submission: Option<Instant>,
     stages: [Option<Instant>; FrameStage::ALL.len()],
 }

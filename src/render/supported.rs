@@ -1,10 +1,10 @@
-//! What settings ask for in vain, refused by name.
+//! Refusals, by name, of what settings ask for in vain.
 
 use crate::cut::SizeMetric;
 use crate::gpu::Error;
-use crate::pack::splats::Plan;
+use crate::pack::splats::SplatPlan;
 use crate::pack::{ColorBy, Footprint, ids};
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::technique::Technique;
 use crate::render::{
@@ -13,7 +13,7 @@ use crate::render::{
 };
 
 /// Refuses by name what `settings` ask for in vain: with these outputs, and points of at most
-/// `max_size_px` (infinite on the mirror).
+/// `max_size_px` (infinite in the reference).
 ///
 /// # Errors
 /// [`Error::Unsupported`] with the reason and what to do, or [`Error::Limit`] for a threshold that is too large.
@@ -146,7 +146,7 @@ pub(crate) fn check_samples_of(settings: &Settings, parts: DrawnParts<'_>) -> Re
         return Ok(());
     };
     for part in parts.iter() {
-        let made = (part.facts).even_splats(part.model, &choice, rules.crease(), &Silent);
+        let made = (part.facts).even_splats(part.model, &choice, rules.crease(), &SilentProgress);
         made.map_err(|error| Error::Unsupported {
             what: "even splats (--resample)",
             why: error.to_string(),
@@ -276,7 +276,7 @@ fn check_filtered(
 pub(crate) fn device_cut_refusal(
     settings: &Settings,
     facts: &DrawnFacts,
-    plan: &Plan,
+    plan: &SplatPlan,
 ) -> Option<&'static str> {
     if settings.method != Method::Pop || Technique::of(settings) != Technique::Opaque {
         Some("it knows opaque squares and discs of --method pop")
@@ -287,7 +287,7 @@ pub(crate) fn device_cut_refusal(
     } else if settings.holds_cut() {
         Some("the cut is held")
     } else if settings.color_by == ColorBy::Overdraw {
-        Some("overdraw is counted of the host's lists; use another --color-by")
+        Some("overdraw is counted of the processor's lists; use another --color-by")
     } else if settings.color_by == ColorBy::Level {
         Some("it does not tell levels of the tree; use another --color-by")
     } else if facts.has_textures {
@@ -301,22 +301,22 @@ pub(crate) fn device_cut_refusal(
     }
 }
 
-/// Why the draw lists of a frame cannot name splats and triangles by numbers; `None` where they can. `may_use_compute`:
+/// Why the draw lists of a frame cannot hold ids of splats and triangles; `None` where they can. `may_use_compute`:
 /// compute may draw.
 pub(crate) fn ids_refusal(
     settings: &Settings,
-    plan: &Plan,
+    plan: &SplatPlan,
     may_use_compute: bool,
 ) -> Option<&'static str> {
     match Technique::of(settings) {
         _ if !settings.has_cut() => Some("methods without a cut have no lists"),
         Technique::Polygons => Some("oriented polygons are records of their own"),
         Technique::Nothing | Technique::Filtered => {
-            Some("filtered splats depend on the view, and the host makes them")
+            Some("filtered splats depend on the view, and the processor makes them")
         }
-        // Where nobody insists the rasterizer gets numbers, and compute what the host makes.
+        // Where nobody insists the rasterizer gets ids, and compute what the processor makes.
         Technique::Fuzzy if may_use_compute && settings.list_of == ListOf::Ids => {
-            Some("what compute draws of fuzzy splats the host makes; use --path raster")
+            Some("what compute draws of fuzzy splats the processor makes; use --path raster")
         }
         _ => ids::why_not(plan),
     }

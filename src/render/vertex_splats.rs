@@ -5,7 +5,7 @@ use crate::math::camera::View;
 use crate::oriented::levels::{LevelCut, SplatLevels};
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::vertex_looks::looks_of;
 
@@ -14,11 +14,11 @@ use crate::render::vertex_looks::looks_of;
 pub(crate) struct VertexSplats {
     key: Option<(u64, SplatRules)>,
     parts: Vec<PartSplats>,
-    /// What the present view needs, where there are levels.
+    /// Splats that the present view needs, where there are levels.
     chosen: Vec<LevelCut>,
 }
 
-/// Those of a part.
+/// Splats of a part.
 #[derive(Debug)]
 struct PartSplats {
     set: SplatSet,
@@ -66,7 +66,7 @@ fn of_model(part: FactedModel<'_>, rules: &SplatRules) -> PartSplats {
     let model = part.model;
     if let Some(choice) = &rules.samples {
         // The plan of a frame has made them, or refused them.
-        let made = (part.facts).even_splats(model, choice, rules.crease(), &Silent);
+        let made = (part.facts).even_splats(model, choice, rules.crease(), &SilentProgress);
         return PartSplats {
             set: SplatSet {
                 splats: made.map(|splats| splats.to_vec()).unwrap_or_default(),

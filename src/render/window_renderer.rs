@@ -50,14 +50,14 @@ pub enum WindowBackend {
 pub struct ShownModel<'a> {
     /// The models.
     pub models: &'a [&'a Model],
-    /// Their copies on the device, with their facts.
+    /// Copies of the models on the device, with their facts.
     pub scene: &'a mut DeviceScene,
     /// Of each model that is a paged file, its pages: the model stands in for them. `None`, or nothing at the end, for one
     /// that is there as a whole.
     pub pages: &'a mut [Option<PagedModel>],
 }
 
-/// What is shown in a frame: the parts of models and pages.
+/// Parts of models and pages that are shown in a frame.
 struct ShownParts<'a> {
     whole: Vec<(&'a Model, Arc<ModelFacts>)>,
     pages: Vec<&'a PagedModel>,
@@ -341,7 +341,7 @@ impl WindowRenderer {
         }
     }
 
-    /// Whether samples would make the picture of the last frame, drawn with these settings, smoother.
+    /// Tells whether samples would make the picture of the last frame, drawn with these settings, smoother.
     pub fn can_be_smoother(&self, settings: &Settings) -> bool {
         has_mean(settings) && !self.rest.is_over()
     }

@@ -22,7 +22,7 @@ pub enum WrapMode {
     Repeat,
     /// The image again, every other time turned over.
     Mirror,
-    /// Its border.
+    /// The image's border.
     Clamp,
 }
 

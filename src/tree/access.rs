@@ -8,7 +8,7 @@ use std::ops::Range;
 pub struct MemoryBytes {
     /// Interior nodes: what the cut tests.
     pub nodes: u64,
-    /// Their attributes.
+    /// Attributes of the nodes.
     pub attributes: u64,
     /// Parents, first leaves, level starts.
     pub links: u64,

@@ -2,7 +2,7 @@
 
 use super::node::{Leaf, Node, NodeAttributes};
 use super::shape::TreeShape;
-use super::summary::Sums;
+use super::summary::SubtreeSums;
 
 /// Levels of a block.
 pub(super) const HEIGHT: usize = 4;
@@ -12,7 +12,7 @@ pub(super) struct BlockPart<'a> {
     pub(super) nodes: [&'a mut [Node]; HEIGHT],
     pub(super) attributes: [&'a mut [NodeAttributes]; HEIGHT],
     pub(super) leaves: &'a mut [Leaf],
-    pub(super) sums: &'a mut [Sums],
+    pub(super) sums: &'a mut [SubtreeSums],
 }
 
 /// Divides what belongs to the blocks from `first` on before block `middle`.

@@ -8,7 +8,7 @@ use super::block_part::{BlockPart, HEIGHT, split};
 use super::closed::ClosedEvidence;
 use super::shape::TreeShape;
 use super::strip::{self, StripCorners};
-use super::summary::{self, Sums};
+use super::summary::{self, SubtreeSums};
 use super::{Leaf, Node, NodeAttributes, NodeStrip, thickness};
 use crate::abi::Vertex;
 use crate::math::cone::DirectionCap;
@@ -66,7 +66,7 @@ struct BlockScratch {
     /// Unit normal of each leaf of the block, zero where it has none.
     normals: Vec<DVec3>,
     leaves: Vec<LeafSums>,
-    sums: [Vec<Sums>; HEIGHT],
+    sums: [Vec<SubtreeSums>; HEIGHT],
 }
 
 #[derive(Clone, Copy)]
@@ -79,8 +79,8 @@ struct LeafSums {
 
 impl LeafSums {
     /// The sums of this leaf alone, and its normal, zero where it has none.
-    fn alone(&self) -> (Sums, Vec3) {
-        let mut sums = Sums::default();
+    fn alone(&self) -> (SubtreeSums, Vec3) {
+        let mut sums = SubtreeSums::default();
         sums.add_leaf(self.area, self.normal, self.known, self.color);
         (sums, self.normal.normalize_or_zero())
     }
@@ -102,7 +102,7 @@ pub(super) fn fill(
     // The level whose nodes are the blocks.
     let top = depth.saturating_sub(HEIGHT);
     let block_count = source.shape.levels[top].len();
-    let mut sums = vec![Sums::default(); block_count];
+    let mut sums = vec![SubtreeSums::default(); block_count];
     let mut findings = {
         let mut lower_nodes = &mut nodes[source.level_starts[top] as usize..];
         let mut lower_attributes = &mut attributes[source.level_starts[top] as usize..];
@@ -137,7 +137,7 @@ pub(super) fn fill(
             first: 0,
         };
         let child_starts = &source.shape.levels[level].child_starts;
-        let own: Vec<Sums> = own_nodes
+        let own: Vec<SubtreeSums> = own_nodes
             .par_iter_mut()
             .zip(own_attributes.par_iter_mut())
             .enumerate()
@@ -157,7 +157,7 @@ pub(super) fn fill(
 struct SubtreeBelow<'a> {
     nodes: &'a [Node],
     attributes: &'a [NodeAttributes],
-    sums: &'a [Sums],
+    sums: &'a [SubtreeSums],
     /// Index, within the level, of the first of these.
     first: usize,
 }
@@ -349,7 +349,7 @@ impl LeafSource<'_> {
         corners: &mut StripCorners,
         node: &mut Node,
         attributes: &mut NodeAttributes,
-    ) -> Sums {
+    ) -> SubtreeSums {
         let mut balls = [Sphere::default(); 4];
         let count = range.len();
         for (ball, leaf) in balls.iter_mut().zip(&low.leaves[range.clone()]) {
@@ -360,7 +360,7 @@ impl LeafSource<'_> {
         }
         self.bound(&balls[..count], first_child as u32, node);
         node.flags = Node::LEAF_CHILDREN;
-        let mut sums = Sums::default();
+        let mut sums = SubtreeSums::default();
         for leaf in &low.sums[range.clone()] {
             sums.add_leaf(leaf.area, leaf.normal, leaf.known, leaf.color);
         }
@@ -416,7 +416,7 @@ impl LeafSource<'_> {
         node: &mut Node,
         attributes: &mut NodeAttributes,
         mut corners: Option<(&mut StripCorners, std::ops::Range<usize>)>,
-    ) -> Sums {
+    ) -> SubtreeSums {
         let local = children.start - below.first..children.end - below.first;
         let local_children = local.clone();
         let nodes = &below.nodes[local.clone()];
@@ -432,7 +432,7 @@ impl LeafSource<'_> {
             self.level_starts[level + 1] + children.start as u32,
             node,
         );
-        let mut sums = Sums::default();
+        let mut sums = SubtreeSums::default();
         for (child, own) in nodes.iter().zip(&below.sums[local.clone()]) {
             sums.add_child(own, child.center - node.center);
         }
@@ -518,7 +518,7 @@ impl LeafSource<'_> {
     }
 
     /// Normals that cancel say nothing about the node's front: it is drawn from everywhere.
-    fn close(&self, sums: &Sums, node: &mut Node) {
+    fn close(&self, sums: &SubtreeSums, node: &mut Node) {
         let is_flat = node.flags & Node::FLAT != 0;
         if !self.triangles.is_empty() && !is_flat && sums.normals_cancel() {
             node.cone = super::NormalCone::ALL;

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::math::sphere;
 use crate::mesh::creases;
-use crate::mesh::normals::{self, Weighting};
+use crate::mesh::normals::{self, NormalWeighting};
 use crate::mesh::{self, Mesh};
 use crate::progress::Progress;
 use glam::{DVec3, Vec3};
@@ -41,10 +41,10 @@ pub struct BuildOptions {
 /// Which normals the points of a cloud have.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum PointNormals {
-    /// Those of the file, where it has some.
+    /// Normals of the file, where it has some.
     #[default]
     File,
-    /// Those of the file; where it has none, those of planes through the neighbors of a point, if these make a surface.
+    /// Normals of the file; where it has none, those of planes through the neighbors of a point, if these make a surface.
     Estimate,
     /// None.
     None,
@@ -407,7 +407,7 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf], options: &BuildOptions) -> Result<Ar
     if let Some(degrees) = options.crease_degrees {
         creases::split(&mut mesh, degrees);
     }
-    normals::complete(&mut mesh, Weighting::Area);
+    normals::complete(&mut mesh, NormalWeighting::Area);
     let textured = (mesh.textures.take()).filter(|_| !mesh.triangles.is_empty());
     let points = match &textured {
         Some(textures) => textures::split(&mut mesh, textures, LIMIT),

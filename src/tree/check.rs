@@ -39,7 +39,7 @@ pub struct CheckReport {
 }
 
 impl CheckReport {
-    /// Whether every promise holds.
+    /// Tells whether every promise holds.
     pub fn is_clean(&self) -> bool {
         self.count == 0
     }
@@ -67,12 +67,12 @@ impl fmt::Display for CheckReport {
 
 /// Collects violations from all threads.
 #[derive(Default)]
-struct Sink {
+struct ViolationSink {
     count: AtomicU64,
     lines: Mutex<Vec<String>>,
 }
 
-impl Sink {
+impl ViolationSink {
     fn report(&self, line: impl FnOnce() -> String) {
         if self.count.fetch_add(1, Ordering::Relaxed) < LISTED as u64
             && let Ok(mut lines) = self.lines.lock()
@@ -102,7 +102,7 @@ impl Sink {
 ///
 /// The rest is only looked at when the links hold.
 pub fn check(model: &Model) -> CheckReport {
-    let sink = Sink::default();
+    let sink = ViolationSink::default();
     if let Err(what) = links(model) {
         sink.report(|| what);
         return sink.finish();
@@ -143,7 +143,7 @@ pub fn check(model: &Model) -> CheckReport {
     sink.finish()
 }
 
-/// Whether all counts and indices of a model agree, so that no walk over it can leave an array. The first fault in words.
+/// Tells whether all counts and indices of a model agree, so that no walk over it can leave an array. The first fault in words.
 ///
 /// # Errors
 ///
@@ -283,7 +283,7 @@ pub fn links(model: &Model) -> Result<(), String> {
     Ok(())
 }
 
-fn check_node(model: &Model, id: u32, sink: &Sink) {
+fn check_node(model: &Model, id: u32, sink: &ViolationSink) {
     let tree = &model.tree;
     let node = &tree.nodes[id as usize];
     let attributes = &tree.attributes[id as usize];
@@ -315,7 +315,7 @@ fn check_node(model: &Model, id: u32, sink: &Sink) {
     }
 }
 
-fn check_leaf(model: &Model, leaf: u32, sink: &Sink) {
+fn check_leaf(model: &Model, leaf: u32, sink: &ViolationSink) {
     let tree = &model.tree;
     let sphere = &tree.leaves[leaf as usize];
     let Some(triangle) = model.triangles.get(leaf as usize) else {
@@ -373,7 +373,7 @@ fn each_ancestor(tree: &Tree, leaf: u32, mut visit: impl FnMut(u32)) {
     }
 }
 
-/// Whether points, with what reaches beyond them along the node's normal, lie within its thickness.
+/// Tells whether points, with what reaches beyond them along the node's normal, lie within its thickness.
 fn is_within_thickness(
     tree: &Tree,
     id: u32,

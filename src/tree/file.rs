@@ -6,11 +6,11 @@
 //! are compared with the file before memory is asked for, and all links are tested before the model is handed out.
 
 use super::{
-    AlignedRecords, Error, Leaf, Model, Moments, NodeAttributes, PackedPatch, PackedPatchColors,
-    PatchRecords, Tree, check, framed,
+    AlignedRecords, Error, Leaf, Model, NodeAttributes, PackedPatch, PackedPatchColors,
+    PatchRecords, SurfaceMoments, Tree, check, framed,
 };
 use crate::abi::Vertex;
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -57,7 +57,7 @@ const PATCHES: u32 = 4;
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Header {
+struct TreeHeader {
     magic: [u8; 8],
     version: u32,
     flags: u32,
@@ -95,7 +95,7 @@ struct PatchTable {
     checksum: u64,
 }
 
-const HEADER: usize = size_of::<Header>();
+const HEADER: usize = size_of::<TreeHeader>();
 
 /// Places of what a file holds after its header.
 struct FileLayout<'a> {
@@ -125,7 +125,7 @@ impl PatchTable {
     }
 }
 
-/// Whether a file beginning with these bytes (at least 8) is a tree file.
+/// Tells whether a file beginning with these bytes (at least 8) is a tree file.
 pub fn is_tree_file(start: &[u8]) -> bool {
     start.starts_with(&MAGIC)
 }
@@ -138,7 +138,7 @@ pub fn is_tree_file(start: &[u8]) -> bool {
 /// The folder cannot be written to, or the disk is full.
 pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
     require_little_endian(path)?;
-    let mut header = Header {
+    let mut header = TreeHeader {
         magic: MAGIC,
         version: VERSION,
         flags: flags_of(model),
@@ -149,7 +149,7 @@ pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
         orbit_radius: model.orbit_radius,
         used_vertices: model.used_vertices,
         section_count: SECTIONS as u32,
-        ..Header::zeroed()
+        ..TreeHeader::zeroed()
     };
     let mut layout = FileLayout {
         end: HEADER as u64,
@@ -233,7 +233,7 @@ pub fn read(path: &Path) -> Result<Model, Error> {
     };
     let mut file = File::open(path).map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();
-    read_from(&mut file, length, path, &Silent)
+    read_from(&mut file, length, path, &SilentProgress)
 }
 
 /// Reads a model from a file that somebody else opened, `length` bytes long; `path` is for the errors. Reports one stage,
@@ -259,7 +259,7 @@ pub fn read_from(
         offset,
         cause,
     };
-    let mut header = Header::zeroed();
+    let mut header = TreeHeader::zeroed();
     if length < HEADER as u64 {
         let mut start = Vec::new();
         file.read_to_end(&mut start).map_err(failed)?;
@@ -315,7 +315,7 @@ pub fn read_from(
             first_leaf: reader.section::<u32>()?,
             level_starts: reader.section::<u32>()?,
             leaves: reader.section_in(AlignedRecords::<Leaf>::zeroed)?,
-            moments: reader.section_in(AlignedRecords::<Moments>::zeroed)?,
+            moments: reader.section_in(AlignedRecords::<SurfaceMoments>::zeroed)?,
         },
         used_vertices: header.used_vertices,
         origin: DVec3::from_array(header.origin),
@@ -502,7 +502,7 @@ fn flags_of(model: &Model) -> u32 {
         .sum()
 }
 
-fn header_checksum(header: &Header) -> u64 {
+fn header_checksum(header: &TreeHeader) -> u64 {
     let bytes = bytemuck::bytes_of(header);
     hash(&bytes[..HEADER - size_of::<u64>()])
 }

@@ -52,7 +52,7 @@ pub(super) fn of(model: &Model) -> Option<FramedPart> {
     if corner.length() <= reach {
         return None;
     }
-    let near = Boxed::of(
+    let near = CountedBox::of(
         vertices
             .par_iter()
             .map(|v| v.position)
@@ -81,13 +81,13 @@ pub(super) fn of(model: &Model) -> Option<FramedPart> {
 
 /// A box and the number of points in it.
 #[derive(Debug, Clone, Copy)]
-struct Boxed {
+struct CountedBox {
     min: Vec3,
     max: Vec3,
     count: u64,
 }
 
-impl Boxed {
+impl CountedBox {
     fn of(points: impl ParallelIterator<Item = Vec3>) -> Self {
         let point = |p| Self {
             min: p,
@@ -111,7 +111,7 @@ impl Boxed {
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use crate::mesh::Mesh;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{BuildOptions, Model, build};
     use glam::{DVec3, Vec3};
 
@@ -129,7 +129,7 @@ mod tests {
             origin: DVec3::Y * 7.0,
             ..Mesh::default()
         };
-        build(mesh, &BuildOptions::default(), &Silent).unwrap()
+        build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
     }
 
     #[test]

@@ -15,8 +15,8 @@ const RAYS: [DVec3; 3] = [
 const MOST_WAITING: usize = 3 * 33 + 1;
 
 impl Model {
-    /// Whether the surface of a closed model ([`Model::is_closed`]) surrounds `point` (model space): rays from there leave
-    /// it more often than they enter it. Of no meaning for open surfaces; false in empty models, clouds, and for what is
+    /// Tells whether the surface of a closed model ([`Model::is_closed`]) surrounds `point` (model space): rays from there
+    /// leave it more often than they enter it. Of no meaning for open surfaces; false in empty models, clouds, and for what is
     /// not finite. Costs a few comparisons outside of the root's sphere, else microseconds; allocates nothing.
     pub fn surrounds(&self, point: Vec3) -> bool {
         let is_outside = self.tree.nodes.first().is_none_or(|root| {
@@ -58,7 +58,7 @@ impl Model {
     }
 }
 
-/// Whether a ray may meet a ball.
+/// Tells whether a ray may meet a ball.
 fn meets(eye: DVec3, ray: DVec3, center: DVec3, radius: f64) -> bool {
     let to = center - eye;
     let along = to.dot(ray) / ray.length_squared();
@@ -92,12 +92,17 @@ mod tests {
 
     use super::*;
     use crate::generate::{self, GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{BuildOptions, build};
 
     fn model(shape: GeneratedShape, triangles: u64) -> Model {
         let spec = ShapeSpec::with_triangles(shape, triangles).unwrap();
-        build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap()
+        build(
+            generate::mesh(&spec),
+            &BuildOptions::default(),
+            &SilentProgress,
+        )
+        .unwrap()
     }
 
     /// Points of a lattice in the box [-1.6, 1.6] cubed, off the axes.
@@ -149,7 +154,7 @@ mod tests {
         let mut cloud =
             generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Sphere, 2000).unwrap());
         cloud.triangles.clear();
-        let cloud = build(cloud, &BuildOptions::default(), &Silent).unwrap();
+        let cloud = build(cloud, &BuildOptions::default(), &SilentProgress).unwrap();
         assert!(!cloud.surrounds(Vec3::ZERO));
         assert!(!Model::default().surrounds(Vec3::ZERO));
     }

@@ -225,7 +225,7 @@ mod tests {
     use super::*;
     use crate::generate::{self, ShapeSpec};
     use crate::mesh::Mesh;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{BuildOptions, build, build_with_radii, check};
 
     fn cloud(count: u32) -> Model {
@@ -238,12 +238,17 @@ mod tests {
             colors: (0..count).map(|i| [i as u8, 7, 200, 255]).collect(),
             ..Mesh::default()
         };
-        build(mesh, &BuildOptions::default(), &Silent).unwrap()
+        build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
     }
 
     fn surface() -> Model {
         let spec: ShapeSpec = "torus:4000".parse().unwrap();
-        build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap()
+        build(
+            generate::mesh(&spec),
+            &BuildOptions::default(),
+            &SilentProgress,
+        )
+        .unwrap()
     }
 
     /// Every promise of a tree holds for parts of every kind: none, one, a few, runs, every other leaf, all.
@@ -263,7 +268,7 @@ mod tests {
             ];
             for (number, choice) in choices.iter().enumerate() {
                 let keep: Vec<bool> = (0..count).map(choice).collect();
-                let part = model.kept(&keep, &Silent).unwrap();
+                let part = model.kept(&keep, &SilentProgress).unwrap();
                 let report = check(&part);
                 assert!(report.is_clean(), "choice {number} of {count}: {report}");
                 let wanted = keep.iter().filter(|&&is_kept| is_kept).count();
@@ -273,7 +278,7 @@ mod tests {
                     assert_eq!(part.is_closed, model.is_closed);
                 }
             }
-            assert!(model.kept(&[true; 2], &Silent).is_err());
+            assert!(model.kept(&[true; 2], &SilentProgress).is_err());
         }
     }
 
@@ -282,7 +287,7 @@ mod tests {
     fn what_is_kept_is_unchanged() {
         let model = cloud(500);
         let keep: Vec<bool> = (0..500).map(|i| i % 3 != 0).collect();
-        let part = model.kept(&keep, &Silent).unwrap();
+        let part = model.kept(&keep, &SilentProgress).unwrap();
         let mut old = (0..500).filter(|&i| keep[i]);
         for (leaf, vertex) in part.tree.leaves.iter().zip(&part.vertices) {
             let from = old.next().unwrap();
@@ -291,7 +296,7 @@ mod tests {
         }
         let model = surface();
         let keep: Vec<bool> = (0..model.triangles.len()).map(|i| i % 7 == 2).collect();
-        let part = model.kept(&keep, &Silent).unwrap();
+        let part = model.kept(&keep, &SilentProgress).unwrap();
         let corners = |model: &Model, t: usize| {
             model.triangles[t].map(|corner| model.vertices[corner as usize])
         };
@@ -310,14 +315,14 @@ mod tests {
         let keep: Vec<bool> = (0..20_000)
             .map(|i| (i / 61) % 2 == 0 || i % 5 == 0)
             .collect();
-        let part = model.kept(&keep, &Silent).unwrap();
+        let part = model.kept(&keep, &SilentProgress).unwrap();
         let mesh = Mesh {
             positions: part.vertices.iter().map(|vertex| vertex.position).collect(),
             ..Mesh::default()
         };
         // Points as large as there: only the order differs.
         let radii: Vec<f32> = part.tree.leaves.iter().map(|leaf| leaf.radius).collect();
-        let anew = build_with_radii(mesh, &radii, &Silent).unwrap();
+        let anew = build_with_radii(mesh, &radii, &SilentProgress).unwrap();
         let mean = |model: &Model| {
             let lowest = model.tree.level(model.tree.level_count() - 1);
             let radii = lowest.map(|id| f64::from(model.tree.nodes[id as usize].radius));

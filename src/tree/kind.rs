@@ -16,13 +16,13 @@ pub enum ModelKind {
 }
 
 impl ModelKind {
-    /// Whether the leaves are triangles.
+    /// Tells whether the leaves are triangles.
     #[inline]
     pub fn is_surface(self) -> bool {
         self == Self::Surface
     }
 
-    /// Whether the leaves are points.
+    /// Tells whether the leaves are points.
     #[inline]
     pub fn is_points(self) -> bool {
         self == Self::Points
@@ -71,7 +71,7 @@ impl Model {
         }
     }
 
-    /// Whether these are points without normals: none of 256 of them, evenly taken, has one.
+    /// Tells whether these are points without normals: none of 256 of them, evenly taken, has one.
     pub fn lacks_normals(&self) -> bool {
         const SAMPLES: usize = 256;
         let step = self.vertices.len().div_ceil(SAMPLES).max(1);
@@ -117,7 +117,7 @@ mod tests {
 
     use super::*;
     use crate::mesh::Mesh;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{BuildOptions, build};
     use glam::Vec3;
 
@@ -133,7 +133,7 @@ mod tests {
     #[test]
     fn a_model_is_a_surface_points_or_empty() {
         let kind = |mesh| {
-            build(mesh, &BuildOptions::default(), &Silent)
+            build(mesh, &BuildOptions::default(), &SilentProgress)
                 .unwrap()
                 .kind()
         };
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn the_orbit_looks_at_the_middle_of_the_model_in_the_world() {
-        let model = build(corner(), &BuildOptions::default(), &Silent).unwrap();
+        let model = build(corner(), &BuildOptions::default(), &SilentProgress).unwrap();
         let sphere = model.orbit_sphere();
         assert_eq!(sphere.center, DVec3::new(1e6 + 3.0, 4.0, -1e6));
         assert!((sphere.radius - 5.0).abs() < 1e-6);

@@ -112,7 +112,7 @@ pub struct Tree {
     /// Bounding spheres of the leaves.
     pub leaves: AlignedRecords<Leaf>,
     /// Means for filtered splats; same order as `nodes`.
-    pub moments: AlignedRecords<Moments>,
+    pub moments: AlignedRecords<SurfaceMoments>,
 }
 
 /// Means over the triangles (or points) below a node, for splats that are filtered rather than sampled, 24 bytes. With A_t
@@ -120,7 +120,7 @@ pub struct Tree {
 /// the sum of areas ([`NodeAttributes::area`]), in units of 1/32767, rounded to the nearest; zeros where A is 0.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub struct Moments {
+pub struct SurfaceMoments {
     /// Sum of A_t p_t over A, less the center of the bounding sphere, over its radius.
     pub centroid: [i16; 3],
     /// Sum of A_t n_t over A: the vector area. 0 for what has no normal.
@@ -129,7 +129,7 @@ pub struct Moments {
     pub second_moment: [i16; 6],
 }
 
-impl Moments {
+impl SurfaceMoments {
     /// Values of 1 are stored as this.
     pub const UNIT: f32 = 32767.0;
 }
@@ -153,7 +153,7 @@ pub enum Error {
     BadCorner {
         /// The triangle, in file order.
         triangle: usize,
-        /// Its corner.
+        /// Corner of the triangle.
         corner: u32,
         /// Number of vertices.
         vertices: usize,
@@ -169,7 +169,7 @@ pub enum Error {
     Mismatch {
         /// Which array.
         what: &'static str,
-        /// Its length.
+        /// Length of the array.
         count: usize,
         /// Number of vertices.
         vertices: usize,

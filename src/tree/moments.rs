@@ -1,6 +1,6 @@
 //! Means for filtered splats.
 
-use super::{AlignedRecords, Model, Moments, Node, summary};
+use super::{AlignedRecords, Model, Node, SurfaceMoments, summary};
 use crate::math::octahedral;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -70,14 +70,14 @@ impl ExactMoments {
         ])
     }
 
-    fn pack(&self, node: &Node) -> Moments {
+    fn pack(&self, node: &Node) -> SurfaceMoments {
         let [area, cx, cy, cz, rest @ ..] = self.0;
         if !(area > 0.0 && area.is_finite()) {
-            return Moments::default();
+            return SurfaceMoments::default();
         }
         // Out of range by rounding at most; the cast saturates. `round` is a function call before SSE 4.1.
         let unit = |value: f64| {
-            let scaled = value * f64::from(Moments::UNIT);
+            let scaled = value * f64::from(SurfaceMoments::UNIT);
             (scaled + 0.5f64.copysign(scaled)) as i16
         };
         let center = node.center.as_dvec3().to_array();
@@ -89,7 +89,7 @@ impl ExactMoments {
         };
         let offset = |sum: f64, center: f64| unit((sum * per_area - center) * per_radius);
         let [vx, vy, vz, second @ ..] = rest.map(|sum| unit(sum * per_area));
-        Moments {
+        SurfaceMoments {
             centroid: [
                 offset(cx, center[0]),
                 offset(cy, center[1]),
@@ -107,9 +107,9 @@ pub fn fill_moments(model: &mut Model) {
 }
 
 /// Means of all nodes, level by level upward; the sums are kept in full for one level at a time.
-pub(super) fn compute(model: &Model) -> AlignedRecords<Moments> {
+pub(super) fn compute(model: &Model) -> AlignedRecords<SurfaceMoments> {
     let tree = &model.tree;
-    let mut moments = AlignedRecords::<Moments>::zeroed(tree.nodes.len());
+    let mut moments = AlignedRecords::<SurfaceMoments>::zeroed(tree.nodes.len());
     // Six triangles share a vertex.
     let normals: Vec<Vec3> = model
         .vertices
@@ -123,7 +123,7 @@ pub(super) fn compute(model: &Model) -> AlignedRecords<Moments> {
     let mut below: Vec<ExactMoments> = Vec::new();
     for level in tree.level_starts.windows(2).rev() {
         let (start, end) = (level[0] as usize, level[1] as usize);
-        let of_node = |(moments, node): (&mut Moments, &Node)| {
+        let of_node = |(moments, node): (&mut SurfaceMoments, &Node)| {
             let mut sum = ExactMoments::default();
             let first = node.first_child as usize;
             for child in first..first + usize::from(node.child_count) {

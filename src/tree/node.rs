@@ -34,7 +34,7 @@ impl Node {
     /// the cone is that of the parent, so that such a node goes where its parent goes.
     pub const FLAT: u8 = 4;
 
-    /// Whether the children are leaves rather than nodes.
+    /// Tells whether the children are leaves rather than nodes.
     #[inline]
     pub fn has_leaves(&self) -> bool {
         self.flags & Self::LEAF_CHILDREN != 0
@@ -133,7 +133,7 @@ impl NodeAttributes {
     /// about half of this, and a plane should be thin.
     pub const THICKNESS_TOLERANCE: f32 = 1e-4;
 
-    /// Whether `normal` is one.
+    /// Tells whether `normal` is one.
     #[inline]
     pub fn has_normal(&self) -> bool {
         self.color[3] != 0

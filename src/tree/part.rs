@@ -8,7 +8,9 @@ use super::closed::ClosedEvidence;
 use super::partition::TreePartition;
 use super::shape::TreeShape;
 use super::sort_item::SortItem;
-use super::{AlignedRecords, Error, Model, Moments, Node, NodeAttributes, NodeStrip, NormalCone};
+use super::{
+    AlignedRecords, Error, Model, Node, NodeAttributes, NodeStrip, NormalCone, SurfaceMoments,
+};
 use super::{summary, thickness};
 use crate::math::octahedral;
 use crate::math::sphere::{self, Sphere};
@@ -113,7 +115,7 @@ pub(crate) fn build_part(
 pub(crate) struct NodeRecords {
     pub(crate) node: Node,
     pub(crate) attributes: NodeAttributes,
-    pub(crate) moments: Moments,
+    pub(crate) moments: SurfaceMoments,
 }
 
 /// The node above two to four roots of parts, from their records alone: a sphere around theirs, a cone around theirs, means
@@ -188,8 +190,8 @@ fn mean_attributes(children: &[NodeAttributes], splat_radius: f32) -> NodeAttrib
 }
 
 /// The moments of a node by those of its children: sums weighted by area, around the node's center.
-fn mean_moments(children: &[NodeRecords], node: &Node) -> Moments {
-    let unit = f64::from(Moments::UNIT);
+fn mean_moments(children: &[NodeRecords], node: &Node) -> SurfaceMoments {
+    let unit = f64::from(SurfaceMoments::UNIT);
     let mut sums = [0.0f64; 12];
     let mut area = 0.0;
     for NodeRecords {
@@ -210,12 +212,12 @@ fn mean_moments(children: &[NodeRecords], node: &Node) -> Moments {
         area += weight;
     }
     if !(area > 0.0 && area.is_finite()) {
-        return Moments::default();
+        return SurfaceMoments::default();
     }
     let radius = f64::from(node.radius).max(f64::MIN_POSITIVE);
     let code = |value: f64| (value / area * unit).round() as i16;
     let [x, y, z, a, b, c, second @ ..] = sums;
-    Moments {
+    SurfaceMoments {
         centroid: [x, y, z].map(|sum| code(sum / radius)),
         vector_area: [a, b, c].map(code),
         second_moment: second.map(code),

@@ -20,12 +20,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// An axis-aligned box in the first three lanes.
 #[derive(Clone, Copy)]
-struct Bounds {
+struct LaneBounds {
     min: Vec4,
     max: Vec4,
 }
 
-impl Bounds {
+impl LaneBounds {
     const EMPTY: Self = Self {
         min: Vec4::INFINITY,
         max: Vec4::NEG_INFINITY,
@@ -111,7 +111,7 @@ impl TreePartition<'_> {
         if items.len() < 2 {
             return;
         }
-        let bounds = Bounds::of(items);
+        let bounds = LaneBounds::of(items);
         self.divide(
             PartitionRun::ROOT,
             items,
@@ -159,7 +159,7 @@ impl TreePartition<'_> {
         from: &mut [SortItem],
         to: &mut [SortItem],
         stays: bool,
-        bounds: Bounds,
+        bounds: LaneBounds,
         scratch: &mut SelectScratch,
     ) {
         let n = from.len();
@@ -192,7 +192,7 @@ impl TreePartition<'_> {
         }
         *scratch = SelectScratch::default();
         let task =
-            |run: PartitionRun, from: &mut [SortItem], to: &mut [SortItem], bounds: Bounds| {
+            |run: PartitionRun, from: &mut [SortItem], to: &mut [SortItem], bounds: LaneBounds| {
                 self.divide(run, from, to, !stays, bounds, &mut SelectScratch::default());
                 if from.len() <= PARALLEL {
                     (self.placed)(from.len() as u64);
@@ -208,7 +208,7 @@ impl TreePartition<'_> {
     fn finish(&self, run: PartitionRun, items: &mut [SortItem]) {
         let Some(run) = self.descend(run) else { return };
         let (one, two, k) = self.halves(run);
-        let axis = Bounds::of(items).axis();
+        let axis = LaneBounds::of(items).axis();
         match items.len() {
             2 => {
                 if items[1].key(axis) < items[0].key(axis) {
@@ -283,10 +283,10 @@ fn split(
     k: usize,
     axis: usize,
     pivot: SelectPivot,
-) -> (Bounds, Bounds) {
+) -> (LaneBounds, LaneBounds) {
     /// The boxes are taken from each piece while it is in the first cache.
     const PIECE: usize = 512;
-    let (mut one, mut two) = (Bounds::EMPTY, Bounds::EMPTY);
+    let (mut one, mut two) = (LaneBounds::EMPTY, LaneBounds::EMPTY);
     let mut left = 0usize;
     let mut start = 0usize;
     for piece in from.chunks(PIECE) {
@@ -302,8 +302,8 @@ fn split(
             to[(left & mask) | (right & !mask)] = *item;
             left += usize::from(goes_left);
         }
-        one = one.union(Bounds::of(&to[left_before..left]));
-        two = two.union(Bounds::of(
+        one = one.union(LaneBounds::of(&to[left_before..left]));
+        two = two.union(LaneBounds::of(
             &to[k + start - left_before..k + start + piece.len() - left],
         ));
         start += piece.len();

@@ -80,7 +80,7 @@ pub(super) fn give(vertices: &mut [Vertex], normals: &[Vec3]) {
 mod tests {
     use crate::math::octahedral;
     use crate::mesh::Mesh;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{BuildOptions, Model, PointNormals, build};
     use glam::Vec3;
 
@@ -93,7 +93,7 @@ mod tests {
             point_normals: PointNormals::Estimate,
             ..BuildOptions::default()
         };
-        build(mesh, &options, &Silent).unwrap()
+        build(mesh, &options, &SilentProgress).unwrap()
     }
 
     #[test]
@@ -177,7 +177,7 @@ mod tests {
             point_normals: PointNormals::Estimate,
             ..BuildOptions::default()
         };
-        let kept = build(mesh.clone(), &options, &Silent).unwrap();
+        let kept = build(mesh.clone(), &options, &SilentProgress).unwrap();
         let all = kept
             .vertices
             .iter()
@@ -187,6 +187,10 @@ mod tests {
             point_normals: PointNormals::None,
             ..BuildOptions::default()
         };
-        assert!(build(mesh, &without, &Silent).unwrap().lacks_normals());
+        assert!(
+            build(mesh, &without, &SilentProgress)
+                .unwrap()
+                .lacks_normals()
+        );
     }
 }

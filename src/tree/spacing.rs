@@ -48,12 +48,12 @@ const AROUND: usize = 64;
 
 /// An axis-aligned box.
 #[derive(Clone, Copy)]
-struct Bounds {
+struct SpacingBounds {
     min: Vec3,
     max: Vec3,
 }
 
-impl Bounds {
+impl SpacingBounds {
     fn distance_squared(&self, p: Vec3) -> f32 {
         (self.min - p)
             .max(p - self.max)
@@ -193,13 +193,13 @@ fn median(values: &mut [f32]) -> f32 {
 }
 
 /// Boxes of all nodes, by level.
-fn boxes(shape: &TreeShape, points: &[Vec3]) -> Vec<Vec<Bounds>> {
-    let mut levels: Vec<Vec<Bounds>> = Vec::new();
+fn boxes(shape: &TreeShape, points: &[Vec3]) -> Vec<Vec<SpacingBounds>> {
+    let mut levels: Vec<Vec<SpacingBounds>> = Vec::new();
     for level in shape.levels.iter().rev() {
         let below = levels.last();
         let of_children = |pair: &[u32]| {
             let range = pair[0] as usize..pair[1] as usize;
-            let mut bounds = Bounds {
+            let mut bounds = SpacingBounds {
                 min: Vec3::INFINITY,
                 max: Vec3::NEG_INFINITY,
             };
@@ -229,7 +229,7 @@ fn boxes(shape: &TreeShape, points: &[Vec3]) -> Vec<Vec<Bounds>> {
 struct SpacingSearch<'a> {
     shape: &'a TreeShape,
     points: &'a [Vec3],
-    boxes: &'a [Vec<Bounds>],
+    boxes: &'a [Vec<SpacingBounds>],
 }
 
 impl SpacingSearch<'_> {

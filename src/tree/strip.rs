@@ -48,7 +48,7 @@ impl StripOccupancy {
         self.bits |= (u64::MAX << part(low)) & (u64::MAX >> (63 - part(high)));
     }
 
-    /// Whether so many parts in a row are empty, also at the ends, that splats along the capsule would show what is not
+    /// Tells whether so many parts in a row are empty, also at the ends, that splats along the capsule would show what is not
     /// there.
     fn has_gap(&self) -> bool {
         let mut empty = !self.bits;

@@ -26,7 +26,7 @@ pub(super) const OF_A_BALL: f32 = 2.0 / 3.0;
 
 /// Sums over the leaves below a node.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sums {
+pub(super) struct SubtreeSums {
     /// Number of corners; then first and second moments (xx, yy, zz, xy, xz, yz) of their offsets from the node's center.
     corners: f32,
     first: Vec3,
@@ -41,7 +41,7 @@ pub(super) struct Sums {
     color: Vec3,
 }
 
-impl Sums {
+impl SubtreeSums {
     /// Adds a corner at `offset` from the node's center.
     #[inline]
     pub(super) fn add_corner(&mut self, offset: Vec3) {
@@ -68,7 +68,7 @@ impl Sums {
 
     /// Adds a child's sums; `offset` is its center less the node's.
     #[inline]
-    pub(super) fn add_child(&mut self, child: &Sums, offset: Vec3) {
+    pub(super) fn add_child(&mut self, child: &SubtreeSums, offset: Vec3) {
         self.corners += child.corners;
         let moved = child.first + offset * child.corners;
         self.first += moved;
@@ -137,16 +137,16 @@ impl Sums {
         }
     }
 
-    /// Whether there are normals but their sum has no direction.
+    /// Tells whether there are normals but their sum has no direction.
     #[inline]
     pub(super) fn normals_cancel(&self) -> bool {
         self.normal_weight > 0.0 && self.normal.length() <= CANCELLED * self.normal_weight
     }
 
-    /// Whether the mean normal says nothing: it is short, and the normals below point all around instead of to and fro.
+    /// Tells whether the mean normal says nothing: it is short, and the normals below point all around instead of to and fro.
     /// `parts` are sums of parts and the normals that those have, zero for none.
     #[inline]
-    pub(super) fn is_all_around(&self, parts: impl Iterator<Item = (Sums, Vec3)>) -> bool {
+    pub(super) fn is_all_around(&self, parts: impl Iterator<Item = (SubtreeSums, Vec3)>) -> bool {
         // What has no area has no sides. Weights are taken relative, since squares of small areas vanish.
         if !(self.area > 0.0 && self.normal_weight > 0.0)
             || (self.normal / self.normal_weight).length() > SHORT
@@ -281,14 +281,14 @@ mod tests {
             })
             .collect();
         let around = |center: Vec3, corners: &[Vec3]| {
-            let mut sums = Sums::default();
+            let mut sums = SubtreeSums::default();
             corners
                 .iter()
                 .for_each(|&corner| sums.add_corner(corner - center));
             sums
         };
         let center = Vec3::new(0.3, -0.2, 2.0);
-        let mut merged = Sums::default();
+        let mut merged = SubtreeSums::default();
         for (part, own) in corners
             .chunks(17)
             .zip([Vec3::ZERO, Vec3::ONE, Vec3::X * 5.0, -Vec3::Z])
@@ -312,7 +312,7 @@ mod tests {
             -Vec3::Z,
         ] {
             let side = axis.any_orthonormal_vector();
-            let mut sums = Sums::default();
+            let mut sums = SubtreeSums::default();
             for i in -10..=10 {
                 for j in -10..=10 {
                     sums.add_corner(Vec3::splat(7.0) + axis * (i as f32) + side * (j as f32 * 0.5));
@@ -321,15 +321,15 @@ mod tests {
             let found = sums.principal_direction().normalize();
             assert!(found.dot(axis).abs() > 0.9999, "{axis} {found}");
         }
-        let mut same = Sums::default();
+        let mut same = SubtreeSums::default();
         (0..9).for_each(|_| same.add_corner(Vec3::ZERO));
         assert_eq!(same.principal_direction(), Vec3::Z);
-        assert_eq!(Sums::default().principal_direction(), Vec3::Z);
+        assert_eq!(SubtreeSums::default().principal_direction(), Vec3::Z);
     }
 
     #[test]
     fn normals_that_cancel_take_the_substitute() {
-        let mut sums = Sums::default();
+        let mut sums = SubtreeSums::default();
         sums.add_leaf(2.0, Vec3::Z * 3.0, 3.0, Vec3::splat(10.0));
         sums.add_leaf(2.0, Vec3::Z * -3.0, 3.0, Vec3::splat(20.0));
         assert!(sums.normals_cancel());
@@ -346,7 +346,7 @@ mod tests {
             octahedral::encode(Vec3::Z)
         );
         // Without area every leaf counts the same.
-        let mut flat = Sums::default();
+        let mut flat = SubtreeSums::default();
         flat.add_leaf(0.0, Vec3::X * 3.0, 3.0, Vec3::splat(100.0));
         flat.add_leaf(0.0, Vec3::X * 3.0, 3.0, Vec3::splat(50.0));
         let attributes = flat.attributes(0.0, || [0, 0]);
@@ -359,14 +359,14 @@ mod tests {
     #[test]
     fn normals_all_around_are_none_and_those_to_and_fro_are_one() {
         let facing = |normals: &[Vec3]| {
-            let mut sums = Sums::default();
+            let mut sums = SubtreeSums::default();
             for &n in normals {
                 sums.add_leaf(2.0, n * 3.0, 3.0, Vec3::splat(90.0));
             }
             sums
         };
-        let is_all_around = |parts: &[(Sums, Vec3)]| {
-            let mut whole = Sums::default();
+        let is_all_around = |parts: &[(SubtreeSums, Vec3)]| {
+            let mut whole = SubtreeSums::default();
             for (part, _) in parts {
                 whole.add_child(part, Vec3::ZERO);
             }

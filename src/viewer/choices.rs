@@ -72,12 +72,12 @@ pub const BLENDS: &[NamedChoice<Option<Blend>>] = &[
     (
         Some(Blend::DepthThreshold),
         "depth-threshold",
-        "One pass with a depth threshold; on the mirror only",
+        "One pass with a depth threshold; in the reference only",
     ),
     (
         Some(Blend::DepthRange),
         "depth-range",
-        "One pass with a depth range a pixel; on the mirror only",
+        "One pass with a depth range a pixel; in the reference only",
     ),
 ];
 
@@ -94,7 +94,7 @@ pub const SHADINGS: &[NamedChoice<Shading>] = &[
 /// Which normals surfaces have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SurfaceNormals {
-    /// Those of the file; where it has none, computed ones.
+    /// Normals of the file; where it has none, computed ones.
     #[default]
     File,
     /// Computed: smooth but for sharp edges.

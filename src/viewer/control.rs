@@ -27,7 +27,7 @@ pub use model::{EyePlace, FrameWork, TimeTaken};
 
 use crate::render::cost::model::{PerRasterizer, SplatCosts};
 use model::{TimeModel, WorkNumbers};
-use plan::{Seen, TriedThreshold};
+use plan::{SeenPlace, TriedThreshold};
 use std::collections::VecDeque;
 
 /// Largest threshold that is chosen, pixels (theirs).
@@ -45,7 +45,7 @@ const HELD: f64 = 0.15;
 /// Time that frames are held to while the view moves.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum FrameGoal {
-    /// That of the device: 33 ms where the processor draws, 16 ms on graphics hardware.
+    /// Usual time of the device: 33 ms where the processor draws, 16 ms on graphics hardware.
     #[default]
     Usual,
     /// None: frames take the time that they take.
@@ -112,7 +112,7 @@ pub struct FrameBudget {
     /// While the camera moves.
     moving_px: f32,
     /// What was drawn where, oldest first.
-    seen: VecDeque<Seen>,
+    seen: VecDeque<SeenPlace>,
     /// The last planned frame.
     last: Option<TriedThreshold>,
     /// Where it was seen from.
@@ -221,7 +221,7 @@ impl FrameBudget {
         self.report
     }
 
-    /// Whether the picture is coarser than wanted, so that [`refine`](FrameBudget::refine) would change it.
+    /// Tells whether the picture is coarser than wanted, so that [`refine`](FrameBudget::refine) would change it.
     pub fn is_coarse(&self) -> bool {
         self.shown_px > self.finest_px
     }

@@ -147,14 +147,14 @@ pub enum ViewerEvent {
     Tick(f64),
     /// A frame of the model has finished.
     Frame {
-        /// Its work, milliseconds.
+        /// Work of the frame, milliseconds.
         ms: f64,
         /// The threshold that it was drawn with, pixels.
         threshold_px: f32,
         /// What it drew.
         #[serde(default)]
         drew: FrameWork,
-        /// Its work in parts; recordings of versions before 2026-11-22 have none.
+        /// Work of the frame in parts; recordings of versions before 2026-11-22 have none.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         parts: Option<TimeTaken>,
     },

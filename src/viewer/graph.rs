@@ -32,7 +32,7 @@ pub fn parts(times: &FrameTimes) -> Vec<GraphPart> {
             None => parts.push((name, *ms)),
         }
     }
-    // The passes are done while the host waits.
+    // The passes are done while the processor waits.
     parts.push(("wait", (times.wait_ms - passes).max(0.0)));
     parts
 }
@@ -40,7 +40,7 @@ pub fn parts(times: &FrameTimes) -> Vec<GraphPart> {
 /// Passes that draw primitives, by the last part of their name; all others go over the picture.
 const DRAWING: [&str; 6] = ["depth", "centers", "blend", "draw", "splats", "triangles"];
 
-/// Work of a frame: on the host before it was submitted, and on the device. Where it `overlaps` with that of the frames
+/// Work of a frame: on the processor before it was submitted, and on the device. Where it `overlaps` with that of the frames
 /// before and after, the longer of the two counts. What a device takes that does not time its passes is that of drawing.
 pub fn work(times: &FrameTimes, overlaps: bool) -> TimeTaken {
     let mut took = TimeTaken {
@@ -119,7 +119,7 @@ impl TimeHistory {
         self.is_frozen = !self.is_frozen;
     }
 
-    /// Whether no frame is added.
+    /// Tells whether no frame is added.
     pub fn is_frozen(&self) -> bool {
         self.is_frozen
     }

@@ -175,7 +175,7 @@ pub fn help() -> String {
 
 /// What a key asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Command {
+pub enum KeyCommand {
     /// Close the window.
     Quit,
     /// Close the list of keys, dismiss the message, stop flying, or close the window.
@@ -332,18 +332,18 @@ fn lamp_change(key: KeyboardKey, modifiers: KeyModifiers) -> Option<LampChange> 
 
 /// The command of a pressed key; `None` for keys without one. The question mark is a typed character
 /// ([`super::event::ViewerEvent::Text`]), because its place depends on the layout.
-pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
+pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<KeyCommand> {
     let turn = if modifiers.control { PI } else { 0.0 };
     match key {
-        KeyboardKey::Pad(1) => return Some(Command::LookFrom(turn, 0.0)),
-        KeyboardKey::Pad(3) => return Some(Command::LookFrom(FRAC_PI_2 + turn, 0.0)),
+        KeyboardKey::Pad(1) => return Some(KeyCommand::LookFrom(turn, 0.0)),
+        KeyboardKey::Pad(3) => return Some(KeyCommand::LookFrom(FRAC_PI_2 + turn, 0.0)),
         KeyboardKey::Pad(7) => {
             let elevation = if modifiers.control {
                 -FRAC_PI_2
             } else {
                 FRAC_PI_2
             };
-            return Some(Command::LookFrom(0.0, elevation));
+            return Some(KeyCommand::LookFrom(0.0, elevation));
         }
         _ => {}
     }
@@ -351,77 +351,77 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
         return None;
     }
     if let Some(change) = lamp_change(key, modifiers) {
-        return Some(Command::Lamp(change));
+        return Some(KeyCommand::Lamp(change));
     }
     if modifiers.control {
         return match key {
-            KeyboardKey::Char('c') => Some(Command::CopyCamera),
-            KeyboardKey::Char('v') => Some(Command::Paste),
-            KeyboardKey::Char('r') => Some(Command::Reload),
-            KeyboardKey::Char('i') => Some(Command::Measure(MeasureChange::PointInfo)),
-            KeyboardKey::Char('n') => Some(Command::Measure(MeasureChange::End)),
-            KeyboardKey::Char('j') => Some(Command::Measure(MeasureChange::Close)),
-            KeyboardKey::Char('z') => Some(Command::Measure(MeasureChange::Undo)),
-            KeyboardKey::Char('s') => Some(Command::Measure(MeasureChange::Save)),
+            KeyboardKey::Char('c') => Some(KeyCommand::CopyCamera),
+            KeyboardKey::Char('v') => Some(KeyCommand::Paste),
+            KeyboardKey::Char('r') => Some(KeyCommand::Reload),
+            KeyboardKey::Char('i') => Some(KeyCommand::Measure(MeasureChange::PointInfo)),
+            KeyboardKey::Char('n') => Some(KeyCommand::Measure(MeasureChange::End)),
+            KeyboardKey::Char('j') => Some(KeyCommand::Measure(MeasureChange::Close)),
+            KeyboardKey::Char('z') => Some(KeyCommand::Measure(MeasureChange::Undo)),
+            KeyboardKey::Char('s') => Some(KeyCommand::Measure(MeasureChange::Save)),
             _ => None,
         };
     }
     Some(match key {
-        KeyboardKey::Escape => Command::Escape,
-        KeyboardKey::Enter => Command::Print,
-        KeyboardKey::Space => Command::Statistics,
-        KeyboardKey::Tab => Command::Panel,
-        KeyboardKey::Backspace => Command::Dismiss,
-        KeyboardKey::F(1) => Command::Help,
-        KeyboardKey::F(5) => Command::Reload,
-        KeyboardKey::F(11) => Command::FullScreen,
-        KeyboardKey::PadAdd => Command::ThresholdBy(STEP_PX),
-        KeyboardKey::PadSubtract => Command::ThresholdBy(-STEP_PX),
-        KeyboardKey::Digit(n @ 1..=9) => Command::Threshold(f32::from(n)),
+        KeyboardKey::Escape => KeyCommand::Escape,
+        KeyboardKey::Enter => KeyCommand::Print,
+        KeyboardKey::Space => KeyCommand::Statistics,
+        KeyboardKey::Tab => KeyCommand::Panel,
+        KeyboardKey::Backspace => KeyCommand::Dismiss,
+        KeyboardKey::F(1) => KeyCommand::Help,
+        KeyboardKey::F(5) => KeyCommand::Reload,
+        KeyboardKey::F(11) => KeyCommand::FullScreen,
+        KeyboardKey::PadAdd => KeyCommand::ThresholdBy(STEP_PX),
+        KeyboardKey::PadSubtract => KeyCommand::ThresholdBy(-STEP_PX),
+        KeyboardKey::Digit(n @ 1..=9) => KeyCommand::Threshold(f32::from(n)),
         KeyboardKey::Char(c) => match c {
-            'a' if modifiers.shift => Command::AmbientOcclusion,
-            'a' => Command::Method(Method::Triangles),
-            's' if modifiers.shift => Command::Normals,
-            's' => Command::Method(Method::Points),
-            'd' if modifiers.shift => Command::VertexSplats,
-            'd' => Command::Method(Method::Pop),
-            'x' if modifiers.shift => Command::Axes,
-            'z' if modifiers.shift => Command::ScaleBar,
-            'x' => Command::Method(Method::Splats),
-            'n' => Command::Splat(if modifiers.shift { -1 } else { 1 }),
-            'm' => Command::Blend,
-            'k' => Command::Reconstruction,
-            'j' => Command::Shading,
-            ',' => Command::DepthOffsetBy(1.0 / OFFSET_STEP),
-            '.' => Command::DepthOffsetBy(OFFSET_STEP),
-            'o' => Command::UsualDepthOffset,
-            'l' if modifiers.shift => Command::Lamp(LampChange::Anchor),
-            'l' => Command::Light,
-            'w' => Command::FrameTime(if modifiers.shift { -1 } else { 1 }),
-            'u' if modifiers.shift => Command::Up,
-            'u' => Command::TwoSided,
-            'v' if modifiers.shift => Command::Photographs,
-            'v' => Command::Colors,
-            '[' => Command::PhotographBy(-1),
-            ']' => Command::PhotographBy(1),
-            'i' => Command::Background,
-            'e' => Command::SizeMetric,
-            'b' if modifiers.shift => Command::EyeDome,
-            'b' => Command::Culling,
-            'c' => Command::ColorBy(if modifiers.shift { -1 } else { 1 }),
-            'y' => Command::HoldCut,
-            'f' => Command::Frame,
-            'r' => Command::Reset,
-            'g' => Command::Fly,
-            'h' => Command::Graph,
-            'z' => Command::Freeze,
-            'p' if modifiers.shift => Command::Photo,
-            'p' => Command::Screenshot,
-            't' => Command::Turntable,
-            'q' => Command::Quit,
+            'a' if modifiers.shift => KeyCommand::AmbientOcclusion,
+            'a' => KeyCommand::Method(Method::Triangles),
+            's' if modifiers.shift => KeyCommand::Normals,
+            's' => KeyCommand::Method(Method::Points),
+            'd' if modifiers.shift => KeyCommand::VertexSplats,
+            'd' => KeyCommand::Method(Method::Pop),
+            'x' if modifiers.shift => KeyCommand::Axes,
+            'z' if modifiers.shift => KeyCommand::ScaleBar,
+            'x' => KeyCommand::Method(Method::Splats),
+            'n' => KeyCommand::Splat(if modifiers.shift { -1 } else { 1 }),
+            'm' => KeyCommand::Blend,
+            'k' => KeyCommand::Reconstruction,
+            'j' => KeyCommand::Shading,
+            ',' => KeyCommand::DepthOffsetBy(1.0 / OFFSET_STEP),
+            '.' => KeyCommand::DepthOffsetBy(OFFSET_STEP),
+            'o' => KeyCommand::UsualDepthOffset,
+            'l' if modifiers.shift => KeyCommand::Lamp(LampChange::Anchor),
+            'l' => KeyCommand::Light,
+            'w' => KeyCommand::FrameTime(if modifiers.shift { -1 } else { 1 }),
+            'u' if modifiers.shift => KeyCommand::Up,
+            'u' => KeyCommand::TwoSided,
+            'v' if modifiers.shift => KeyCommand::Photographs,
+            'v' => KeyCommand::Colors,
+            '[' => KeyCommand::PhotographBy(-1),
+            ']' => KeyCommand::PhotographBy(1),
+            'i' => KeyCommand::Background,
+            'e' => KeyCommand::SizeMetric,
+            'b' if modifiers.shift => KeyCommand::EyeDome,
+            'b' => KeyCommand::Culling,
+            'c' => KeyCommand::ColorBy(if modifiers.shift { -1 } else { 1 }),
+            'y' => KeyCommand::HoldCut,
+            'f' => KeyCommand::Frame,
+            'r' => KeyCommand::Reset,
+            'g' => KeyCommand::Fly,
+            'h' => KeyCommand::Graph,
+            'z' => KeyCommand::Freeze,
+            'p' if modifiers.shift => KeyCommand::Photo,
+            'p' => KeyCommand::Screenshot,
+            't' => KeyCommand::Turntable,
+            'q' => KeyCommand::Quit,
             // The plus of many layouts is on the key of the equals sign.
-            '+' | '=' => Command::ThresholdBy(STEP_PX),
-            '-' => Command::ThresholdBy(-STEP_PX),
+            '+' | '=' => KeyCommand::ThresholdBy(STEP_PX),
+            '-' => KeyCommand::ThresholdBy(-STEP_PX),
             _ => return None,
         },
         _ => return None,

@@ -3,9 +3,9 @@
 //! Angles are handled in degrees, rounded so far that a step there and one back end where they began, and that a lamp
 //! is the same to the bit as one of these angles on the command line.
 
-use crate::math::camera::{Camera, Light};
+use crate::math::camera::{Camera, HeadlightSource};
 use crate::pack::lit_sphere::LitSphere;
-use crate::pack::{Lamp, Lighting, Phong};
+use crate::pack::{Lamp, Phong, SurfaceLighting};
 use crate::render::Settings;
 use glam::{DMat4, DVec3};
 
@@ -63,12 +63,12 @@ pub const KINDS: &[super::choices::NamedChoice<LightKind>] = &[
 
 impl LightKind {
     /// What lights a model: the headlight of a camera, or the lamp that takes its place.
-    pub fn of(headlight: Light, lighting: &Lighting) -> Self {
+    pub fn of(headlight: HeadlightSource, lighting: &SurfaceLighting) -> Self {
         match (lighting, headlight) {
-            (Lighting::Phong(_), _) => Self::Lamp,
-            (Lighting::Sphere(sphere), _) => Self::Sphere(*sphere),
-            (Lighting::Headlight, Light::Point) => Self::Eye,
-            (Lighting::Headlight, Light::Directional) => Self::Parallel,
+            (SurfaceLighting::Phong(_), _) => Self::Lamp,
+            (SurfaceLighting::Sphere(sphere), _) => Self::Sphere(*sphere),
+            (SurfaceLighting::Headlight, HeadlightSource::Point) => Self::Eye,
+            (SurfaceLighting::Headlight, HeadlightSource::Directional) => Self::Parallel,
         }
     }
 }
@@ -229,18 +229,18 @@ impl AroundAngles {
 pub fn same_cost(settings: &Settings) -> Settings {
     Settings {
         light: match settings.light {
-            Lighting::Headlight => Lighting::Headlight,
-            Lighting::Phong(_) => Lighting::Phong(Phong::default()),
-            Lighting::Sphere(_) => Lighting::Sphere(LitSphere::Studio),
+            SurfaceLighting::Headlight => SurfaceLighting::Headlight,
+            SurfaceLighting::Phong(_) => SurfaceLighting::Phong(Phong::default()),
+            SurfaceLighting::Sphere(_) => SurfaceLighting::Sphere(LitSphere::Studio),
         },
         ..*settings
     }
 }
 
 /// The light in words.
-pub fn words(headlight: Light, lighting: &Lighting) -> String {
+pub fn words(headlight: HeadlightSource, lighting: &SurfaceLighting) -> String {
     let kind = LightKind::of(headlight, lighting);
-    let Lighting::Phong(phong) = lighting else {
+    let SurfaceLighting::Phong(phong) = lighting else {
         return super::choices::name_of(KINDS, kind).to_owned();
     };
     let place = match phong.lamp {
@@ -260,7 +260,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
     use super::*;
-    use crate::pack::Source;
+    use crate::pack::LampSource;
 
     fn around() -> (AroundAngles, Camera) {
         let center = DVec3::new(4.0, -2.0, 1.0);
@@ -300,12 +300,14 @@ mod tests {
         let view = camera.view(around.center).unwrap();
         // From the model's center, as the camera sees it.
         let seen = |phong: Phong| {
-            let Lighting::Phong(phong) = Lighting::Phong(phong).in_model(around.center) else {
+            let SurfaceLighting::Phong(phong) =
+                SurfaceLighting::Phong(phong).in_model(around.center)
+            else {
                 unreachable!("still a lamp")
             };
             match phong.lamp.in_view(&view) {
-                Source::Direction(direction) => direction,
-                Source::Point(point) => {
+                LampSource::Direction(direction) => direction,
+                LampSource::Point(point) => {
                     let center = view.view_from_model.as_dmat4().w_axis.truncate();
                     (point - center).normalize()
                 }
@@ -378,15 +380,21 @@ mod tests {
 
     #[test]
     fn the_kind_of_light_and_its_words() {
-        let lamp = Lighting::Phong(lamp_of(-20.0, 35.0));
-        assert_eq!(LightKind::of(Light::Directional, &lamp), LightKind::Lamp);
+        let lamp = SurfaceLighting::Phong(lamp_of(-20.0, 35.0));
         assert_eq!(
-            LightKind::of(Light::Directional, &Lighting::Headlight),
+            LightKind::of(HeadlightSource::Directional, &lamp),
+            LightKind::Lamp
+        );
+        assert_eq!(
+            LightKind::of(HeadlightSource::Directional, &SurfaceLighting::Headlight),
             LightKind::Parallel
         );
-        assert_eq!(words(Light::Point, &Lighting::Headlight), "in the eye");
         assert_eq!(
-            words(Light::Point, &lamp),
+            words(HeadlightSource::Point, &SurfaceLighting::Headlight),
+            "in the eye"
+        );
+        assert_eq!(
+            words(HeadlightSource::Point, &lamp),
             "lamp at -20,35 degrees, ambient 0.1, specular 0.2, shininess 32"
         );
         let other = Settings {
@@ -396,7 +404,7 @@ mod tests {
         assert!(same_cost(&other) != same_cost(&Settings::default()));
         assert_eq!(
             same_cost(&other).light,
-            Lighting::Phong(Phong::default()),
+            SurfaceLighting::Phong(Phong::default()),
             "wherever it is"
         );
     }

@@ -3,7 +3,7 @@
 
 use super::preview;
 use crate::gpu::{self, Gpu, lock};
-use crate::input::Warning;
+use crate::input::ReadWarning;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
@@ -43,7 +43,7 @@ impl From<gpu::Error> for LoadError {
 }
 
 /// Opens what a path names, [`open_with_preview`] but for tests; may hand over a coarse model of the same sphere before.
-type OpenFunction = dyn Fn(&ModelRequest, &dyn Progress, &mut dyn FnMut(Model)) -> Result<Loaded, LoadError>
+type OpenFunction = dyn Fn(&ModelRequest, &dyn Progress, &mut dyn FnMut(Model)) -> Result<LoadedModel, LoadError>
     + Send
     + Sync;
 
@@ -60,7 +60,7 @@ pub struct ModelRequest {
 
 /// A model that was loaded.
 #[derive(Debug, Default)]
-pub struct Loaded {
+pub struct LoadedModel {
     /// The model.
     pub model: Model,
     /// What it stands in for, where it is a paged file.
@@ -68,7 +68,7 @@ pub struct Loaded {
     /// The axis that is up.
     pub up: UpAxis,
     /// What of its file was repaired or left out.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ReadWarning>,
     /// What its points carry, in the order of the model's.
     pub attributes: PointAttributes,
     /// Models that are drawn with it, in its space.
@@ -91,7 +91,7 @@ pub struct LoadedPart {
     /// What it stands in for, where it is a paged file.
     pub pages: Option<PagedModel>,
     /// What of its file was repaired or left out.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<ReadWarning>,
     /// What its points carry, in the order of the model's; nothing where the model was moved, which orders it anew.
     pub attributes: PointAttributes,
 }
@@ -125,14 +125,14 @@ impl Progress for SharedProgress {
     }
 }
 
-struct Job {
+struct LoadJob {
     path: PathBuf,
     shared: Arc<SharedProgress>,
-    results: Receiver<Result<Loaded, LoadError>>,
+    results: Receiver<Result<LoadedModel, LoadError>>,
     thread: JoinHandle<()>,
 }
 
-impl Drop for Job {
+impl Drop for LoadJob {
     fn drop(&mut self) {
         self.shared.is_cancelled.store(true, Ordering::Relaxed);
     }
@@ -145,7 +145,7 @@ pub struct ModelLoader {
     /// Models that stand elsewhere or have another color, by their place in the list.
     placed: Vec<(PathBuf, MeshPlacement)>,
     crease_degrees: Option<f32>,
-    job: Option<Job>,
+    job: Option<LoadJob>,
 }
 
 impl std::fmt::Debug for ModelLoader {
@@ -189,13 +189,13 @@ impl ModelLoader {
             let opened = open_with_preview(&request.path, &options, progress, &mut on_mesh)?;
             let pages = opened.paged.map(|file| PagedModel::open(file, paged));
             let pages = pages.transpose().map_err(crate::tree::Error::from);
-            Ok(Loaded {
+            Ok(LoadedModel {
                 model: opened.model,
                 pages: pages.map_err(crate::Error::from)?,
                 up: opened.up.axis,
                 warnings: opened.warnings,
                 attributes: opened.attributes,
-                ..Loaded::default()
+                ..LoadedModel::default()
             })
         };
         Self {
@@ -244,7 +244,7 @@ impl ModelLoader {
     }
 
     /// As [`ModelLoader::start`], with more models to be drawn with the first. Those of them that cannot be opened are told
-    /// in [`Loaded::failures`].
+    /// in [`LoadedModel::failures`].
     ///
     /// # Errors
     /// When the system has no thread left.
@@ -261,10 +261,10 @@ impl ModelLoader {
             .spawn(move || {
                 // Nobody listens any more when the job was cancelled.
                 let mut on_preview = |model| {
-                    let preview = Loaded {
+                    let preview = LoadedModel {
                         model,
                         is_preview: true,
-                        ..Loaded::default()
+                        ..LoadedModel::default()
                     };
                     if let Ok(preview) = copied(&device, preview) {
                         let _ = sender.send(Ok(preview));
@@ -283,7 +283,7 @@ impl ModelLoader {
                 });
                 let _ = sender.send(result);
             })?;
-        self.job = Some(Job {
+        self.job = Some(LoadJob {
             path: path.to_owned(),
             shared,
             results,
@@ -316,7 +316,7 @@ impl ModelLoader {
     }
 
     /// What has come since the last call: a preview, or the result of a job that has ended.
-    pub fn poll(&mut self) -> Option<(PathBuf, Result<Loaded, LoadError>)> {
+    pub fn poll(&mut self) -> Option<(PathBuf, Result<LoadedModel, LoadError>)> {
         let job = self.job.as_ref()?;
         let result = match job.results.try_recv() {
             Err(TryRecvError::Empty) => return None,
@@ -344,7 +344,7 @@ impl ModelLoader {
     }
 }
 
-impl Loaded {
+impl LoadedModel {
     /// Adds a model that was loaded alone, in the space of the first.
     fn add(&mut self, path: PathBuf, other: Self, progress: &dyn Progress) {
         let origin = self.model.origin;
@@ -386,7 +386,7 @@ pub(super) fn failure(path: &Path, error: &LoadError) -> String {
 }
 
 /// Copies what was loaded to the device that is open, if one is.
-fn copied(device: &LoaderDevice, mut loaded: Loaded) -> Result<Loaded, gpu::Error> {
+fn copied(device: &LoaderDevice, mut loaded: LoadedModel) -> Result<LoadedModel, gpu::Error> {
     let device = lock(device).clone();
     if let Some((gpu, with_indices)) = device {
         let mut models = vec![&loaded.model];
@@ -408,14 +408,14 @@ mod tests {
     use super::*;
     use crate::input;
 
-    fn of_model(model: Model) -> Loaded {
-        Loaded {
+    fn of_model(model: Model) -> LoadedModel {
+        LoadedModel {
             model,
-            ..Loaded::default()
+            ..LoadedModel::default()
         }
     }
 
-    fn wait(loader: &mut ModelLoader) -> (PathBuf, Result<Loaded, LoadError>) {
+    fn wait(loader: &mut ModelLoader) -> (PathBuf, Result<LoadedModel, LoadError>) {
         loop {
             if let Some(result) = loader.poll() {
                 return result;
@@ -435,7 +435,7 @@ mod tests {
             progress.advance(86);
             told.lock().unwrap().send(()).unwrap();
             gate.lock().unwrap().recv().unwrap();
-            Ok(Loaded::default())
+            Ok(LoadedModel::default())
         }));
         assert!(loader.poll().is_none() && loader.status().is_none());
         loader.start(Path::new("scan.ply")).unwrap();
@@ -519,7 +519,7 @@ mod tests {
         let noted = seen.clone();
         let open = move |request: &ModelRequest, _: &dyn Progress, _: &mut dyn FnMut(Model)| {
             noted.lock().unwrap().push(request.clone());
-            Ok(Loaded::default())
+            Ok(LoadedModel::default())
         };
         let mut loader = ModelLoader {
             placed,

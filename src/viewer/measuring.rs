@@ -38,7 +38,7 @@ impl MeasureTool {
         };
     }
 
-    /// Whether anything of it is to be drawn.
+    /// Tells whether anything of it is to be drawn.
     pub fn is_shown(&self) -> bool {
         self.has_point_info || !self.lines.is_empty()
     }
@@ -70,7 +70,7 @@ impl MeasureTool {
         self.is_cursor_new = true;
     }
 
-    /// Whether it is to be looked what is under the cursor; once after each move.
+    /// Tells whether it is to be looked what is under the cursor; once after each move.
     pub fn take_cursor(&mut self) -> bool {
         std::mem::take(&mut self.is_cursor_new) && self.has_point_info
     }

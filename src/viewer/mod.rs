@@ -56,7 +56,7 @@ use window::ViewerWindow;
 /// Why the window closed early.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum ViewerError {
     /// There is no window system, or it gives no window.
     #[error("cannot open a window: {0}. Pictures without a window: surfel render")]
     Window(String),
@@ -74,7 +74,7 @@ pub enum Error {
     Image(#[from] crate::image::Error),
     /// The recording could not be read or written.
     #[error("cannot use the recording: {0}")]
-    Recording(#[from] record::Error),
+    Recording(#[from] record::RecordError),
     /// The window was closed before the picture that was asked for.
     #[error("the window was closed before the picture was made")]
     Closed,
@@ -205,7 +205,10 @@ pub struct RunFigures {
 /// # Errors
 /// When there is no window or device, the device is lost and cannot be opened again, or a file that was asked for
 /// cannot be read or written.
-pub fn run(options: ViewerOptions, should_stop: &dyn Fn() -> bool) -> Result<RunFigures, Error> {
+pub fn run(
+    options: ViewerOptions,
+    should_stop: &dyn Fn() -> bool,
+) -> Result<RunFigures, ViewerError> {
     let placed = [&options.model].into_iter().chain(&options.more).cloned();
     let placed = placed.zip(options.placements.iter().copied()).collect();
     let mut loader = ModelLoader::new(options.opening.clone(), options.paged, placed);
@@ -220,7 +223,7 @@ pub fn run(options: ViewerOptions, should_stop: &dyn Fn() -> bool) -> Result<Run
     let all: Vec<_> = messages.iter().flat_map(LayerMessages::list).collect();
     match all.as_slice() {
         [] => Ok(figures),
-        [first, ..] => Err(Error::Validation {
+        [first, ..] => Err(ViewerError::Validation {
             count: all.len(),
             first: format!("{}: {}", first.id, first.text),
         }),
@@ -228,7 +231,7 @@ pub fn run(options: ViewerOptions, should_stop: &dyn Fn() -> bool) -> Result<Run
 }
 
 /// The recording to replay, if one is asked for.
-fn replayed(options: &ViewerOptions) -> Result<Option<Vec<RecordEntry>>, Error> {
+fn replayed(options: &ViewerOptions) -> Result<Option<Vec<RecordEntry>>, ViewerError> {
     Ok(options.replay.as_deref().map(record::read).transpose()?)
 }
 
@@ -236,7 +239,7 @@ fn replay_headless(
     options: ViewerOptions,
     loader: &mut ModelLoader,
     should_stop: &dyn Fn() -> bool,
-) -> Result<(Vec<LayerMessages>, RunFigures), Error> {
+) -> Result<(Vec<LayerMessages>, RunFigures), ViewerError> {
     let entries = replayed(&options)?.unwrap_or_default();
     let gpu = Gpu::open(&options.gpu)?;
     let mut screen = WindowScreen::new(&gpu, None, options.vsync, options.backend)?;
@@ -256,7 +259,7 @@ fn show(
     mut options: ViewerOptions,
     loader: &mut ModelLoader,
     should_stop: &dyn Fn() -> bool,
-) -> Result<(Vec<LayerMessages>, RunFigures), Error> {
+) -> Result<(Vec<LayerMessages>, RunFigures), ViewerError> {
     let entries = replayed(&options)?;
     if let Some(entries) = &entries {
         options.size = replay::first_size(entries, &options);
@@ -315,7 +318,7 @@ fn show(
                 recorder.finish()?;
             }
             if app.is_unattended() && app.frames == 0 {
-                return Err(Error::Closed);
+                return Err(ViewerError::Closed);
             }
         }
     }
@@ -349,9 +352,9 @@ fn keep(app: &ViewerApp, window: &ViewerWindow) {
     }
 }
 
-fn window_error(what: &str, cause: &str) -> Error {
+fn window_error(what: &str, cause: &str) -> ViewerError {
     let cause = cause.lines().next().unwrap_or_default();
-    Error::Window(match cause {
+    ViewerError::Window(match cause {
         "" => what.to_owned(),
         cause => format!("{what} ({cause})"),
     })

@@ -10,11 +10,11 @@ const START_MS: f64 = 1000.0;
 /// A frame of a moving camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PacedFrame {
-    /// Its work, milliseconds.
+    /// Work of the frame, milliseconds.
     pub ms: f64,
     /// The threshold that it was drawn with, pixels.
     pub threshold_px: f32,
-    /// It was drawn with the wanted threshold: nothing finer was asked for.
+    /// The threshold is the wanted one: nothing finer was asked for.
     pub is_finest: bool,
 }
 

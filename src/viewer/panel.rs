@@ -4,11 +4,11 @@
 use super::choices::{self, NamedChoice, SurfaceNormals, name_of};
 use super::control::BudgetReport;
 use super::help::ACCENT;
-use super::input::{Command, MeasureChange};
+use super::input::{KeyCommand, MeasureChange};
 use super::lamp::LightKind;
 use super::text::count;
 use crate::image::MarkChoice;
-use crate::pack::{ColorBy, Lighting};
+use crate::pack::{ColorBy, SurfaceLighting};
 use crate::render::stats::FrameCounts;
 use crate::render::stats::OverdrawSummary;
 use crate::render::vulkan::overdraw;
@@ -80,7 +80,7 @@ pub struct PanelState<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub enum PanelWish {
     /// As a key would.
-    Command(Command),
+    Command(KeyCommand),
     /// Draw in another way.
     Settings(Box<Settings>),
     /// Another light.
@@ -97,9 +97,9 @@ pub enum PanelWish {
     RemoveMeasure(usize),
     /// Draw a model, or leave it out.
     Show {
-        /// Its index among the models.
+        /// Index of the model.
         part: usize,
-        /// It is drawn.
+        /// The model is drawn.
         is_shown: bool,
     },
 }
@@ -153,7 +153,7 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     if settings.color_by == ColorBy::Overdraw {
         legend(ui, state.overdraw);
     }
-    if let Lighting::Phong(phong) = &mut settings.light {
+    if let SurfaceLighting::Phong(phong) = &mut settings.light {
         lamp::show(ui, phong, state.radius, wishes);
     }
     if let Some(of_photos) = &state.photographs {
@@ -174,54 +174,54 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     ui.add_space(10.0);
     ui.horizontal_wrapped(|ui| {
         for (name, command, tip) in [
-            ("Keys", Command::Help, "Show every key (? or F1)"),
+            ("Keys", KeyCommand::Help, "Show every key (? or F1)"),
             (
                 "Frame model",
-                Command::Frame,
+                KeyCommand::Frame,
                 "Bring the model into the picture (F)",
             ),
-            ("Reset", Command::Reset, "Back to the first view (R)"),
+            ("Reset", KeyCommand::Reset, "Back to the first view (R)"),
             (
                 "Fly",
-                Command::Fly,
+                KeyCommand::Fly,
                 "Walk through the model with W A S D and the mouse (G)",
             ),
             (
                 "Picture",
-                Command::Screenshot,
+                KeyCommand::Screenshot,
                 "Write the picture to surfel-NNN.png (P)",
             ),
             (
                 "Photo",
-                Command::Photo,
+                KeyCommand::Photo,
                 "Write a picture twice as wide and high, 16 samples a pixel, to surfel-photo-NNN.png (Shift P)",
             ),
             (
                 "Point",
-                Command::Measure(MeasureChange::PointInfo),
+                KeyCommand::Measure(MeasureChange::PointInfo),
                 "Show the point under the cursor, place and attributes (Ctrl I)",
             ),
             (
                 "Turntable",
-                Command::Turntable,
+                KeyCommand::Turntable,
                 "Write 36 pictures from all around to surfel-turn-NNN (T)",
             ),
             (
                 "Copy camera",
-                Command::CopyCamera,
+                KeyCommand::CopyCamera,
                 "Copy the camera as JSON (Ctrl C); Ctrl V pastes one",
             ),
             (
                 "Full screen",
-                Command::FullScreen,
+                KeyCommand::FullScreen,
                 "Fill the screen, or back (F11)",
             ),
             (
                 "Graph",
-                Command::Graph,
+                KeyCommand::Graph,
                 "Show what the last frames cost (H)",
             ),
-            ("Hide", Command::Panel, "Hide this panel (Tab)"),
+            ("Hide", KeyCommand::Panel, "Hide this panel (Tab)"),
         ] {
             if ui.button(name).on_hover_text(tip).clicked() {
                 wishes.push(PanelWish::Command(command));
@@ -441,7 +441,7 @@ fn drawing(
             .on_hover_text(tip)
             .on_disabled_hover_text(tip);
         if change.changed() {
-            wishes.push(PanelWish::Command(Command::HoldCut));
+            wishes.push(PanelWish::Command(KeyCommand::HoldCut));
         }
     });
     if let Some((px, ..)) = state.control

@@ -23,7 +23,7 @@ const DEPTH_PX: f32 = 3.0;
 pub struct PickedModel<'a> {
     /// The model.
     pub model: &'a Model,
-    /// It is drawn, and all of it is there.
+    /// The model is drawn, and all of it is there.
     pub is_whole: bool,
 }
 
@@ -58,7 +58,7 @@ impl PixelRay<'_> {
         }
     }
 
-    /// Whether a ball may hold what is looked for, `reach` pixels beside the ray.
+    /// Tells whether a ball may hold what is looked for, `reach` pixels beside the ray.
     fn comes_near(&self, center: Vec3, radius: f32, reach: f32) -> bool {
         let (offset, radius) = (center.as_dvec3() - self.start, f64::from(radius));
         let along = offset.dot(self.towards) / self.towards.length_squared();
@@ -197,7 +197,7 @@ mod tests {
     use crate::generate::{self, ShapeSpec};
     use crate::math::camera::Camera;
     use crate::mesh::Mesh;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::tree::{BuildOptions, build};
 
     fn view(distance: f64, size: (u32, u32)) -> View {
@@ -226,7 +226,7 @@ mod tests {
             positions,
             ..Mesh::default()
         };
-        let model = build(mesh, &BuildOptions::default(), &Silent).unwrap();
+        let model = build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
         let view = view(5.0, (800, 600));
         let mut elsewhere = 0;
         for (leaf, own) in model.tree.leaves.iter().enumerate().step_by(7) {
@@ -250,7 +250,12 @@ mod tests {
     #[test]
     fn places_on_a_surface_are_those_of_the_ray() {
         let spec: ShapeSpec = "sphere:200000".parse().unwrap();
-        let model = build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap();
+        let model = build(
+            generate::mesh(&spec),
+            &BuildOptions::default(),
+            &SilentProgress,
+        )
+        .unwrap();
         let view = view(4.0, (500, 500));
         for [x, y] in [[250.0, 250.0], [301.3, 222.8], [180.5, 330.1]] {
             let found = pick(&whole(&model), &view, DVec2::new(x, y), 3.0);

@@ -85,7 +85,7 @@ mod tests {
 
     use super::*;
     use crate::generate::{GeneratedShape, ShapeSpec};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
 
     #[test]
     fn a_preview_is_seen_by_the_camera_of_the_whole() {
@@ -107,8 +107,9 @@ mod tests {
                 mesh.normals.clear();
                 mesh.triangles.clear();
             }
-            let preview = model(&mesh, &Silent).unwrap();
-            let whole = tree::build(mesh.clone(), &BuildOptions::default(), &Silent).unwrap();
+            let preview = model(&mesh, &SilentProgress).unwrap();
+            let whole =
+                tree::build(mesh.clone(), &BuildOptions::default(), &SilentProgress).unwrap();
             assert_eq!(preview.orbit_center, whole.orbit_center);
             assert_eq!(preview.orbit_radius, whole.orbit_radius);
             assert_eq!(preview.origin, whole.origin);

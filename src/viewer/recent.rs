@@ -12,7 +12,7 @@ pub struct RecentFiles {
 }
 
 impl RecentFiles {
-    /// Those of a list, which somebody may have written: without doubles, and not too many.
+    /// Files of a list, which somebody may have written: without doubles, and not too many.
     pub fn new(files: &[PathBuf]) -> Self {
         let mut kept = Self::default();
         for file in files.iter().rev() {

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Why a recording cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum RecordError {
     /// The file cannot be read or written.
     #[error("{path}: {source}")]
     File {
@@ -75,8 +75,8 @@ impl EventRecorder {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn create(path: &Path) -> Result<Self, Error> {
-        let file = std::fs::File::create(path).map_err(|source| Error::File {
+    pub fn create(path: &Path) -> Result<Self, RecordError> {
+        let file = std::fs::File::create(path).map_err(|source| RecordError::File {
             path: path.to_owned(),
             source,
         })?;
@@ -90,11 +90,11 @@ impl EventRecorder {
         Ok(recorder)
     }
 
-    fn line(&mut self, value: &impl Serialize) -> Result<(), Error> {
+    fn line(&mut self, value: &impl Serialize) -> Result<(), RecordError> {
         let outcome = serde_json::to_string(value)
             .map_err(std::io::Error::from)
             .and_then(|text| writeln!(self.out, "{text}"));
-        outcome.map_err(|source| Error::File {
+        outcome.map_err(|source| RecordError::File {
             path: self.path.clone(),
             source,
         })
@@ -104,7 +104,7 @@ impl EventRecorder {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn add(&mut self, entries: &[RecordEntry]) -> Result<(), Error> {
+    pub fn add(&mut self, entries: &[RecordEntry]) -> Result<(), RecordError> {
         entries.iter().try_for_each(|entry| self.line(entry))
     }
 
@@ -112,8 +112,8 @@ impl EventRecorder {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn finish(&mut self) -> Result<(), Error> {
-        self.out.flush().map_err(|source| Error::File {
+    pub fn finish(&mut self) -> Result<(), RecordError> {
+        self.out.flush().map_err(|source| RecordError::File {
             path: self.path.clone(),
             source,
         })
@@ -124,12 +124,12 @@ impl EventRecorder {
 ///
 /// # Errors
 /// When the file cannot be read, is no recording, or a line is damaged.
-pub fn read(path: &Path) -> Result<Vec<RecordEntry>, Error> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::File {
+pub fn read(path: &Path) -> Result<Vec<RecordEntry>, RecordError> {
+    let text = std::fs::read_to_string(path).map_err(|source| RecordError::File {
         path: path.to_owned(),
         source,
     })?;
-    let fail = |line: usize, cause: String| Error::Line {
+    let fail = |line: usize, cause: String| RecordError::Line {
         path: path.to_owned(),
         line,
         cause,

@@ -2,10 +2,10 @@
 
 use super::app::ViewerApp;
 use super::event::ViewerEvent;
-use super::loader::{LoadError, Loaded, ModelLoader};
+use super::loader::{LoadError, LoadedModel, ModelLoader};
 use super::record::RecordEntry;
 use super::window::ViewerWindow;
-use super::{Error, ViewerOptions};
+use super::{ViewerError, ViewerOptions};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ fn load(
     (path, more): (&Path, &[PathBuf]),
     wants_preview: bool,
     should_stop: &dyn Fn() -> bool,
-) -> Result<Result<Loaded, LoadError>, Error> {
+) -> Result<Result<LoadedModel, LoadError>, ViewerError> {
     if loader.path() != Some(path)
         && let Err(error) = loader.start_all(path, more)
     {
@@ -27,7 +27,7 @@ fn load(
             Some((_, result)) => return Ok(result),
             None => {
                 if should_stop() {
-                    return Err(Error::Closed);
+                    return Err(ViewerError::Closed);
                 }
                 std::thread::sleep(Duration::from_millis(2));
             }
@@ -43,7 +43,7 @@ pub(super) fn run(
     loader: &mut ModelLoader,
     mut window: Option<(&mut ViewerWindow, &mut glfw::Glfw)>,
     should_stop: &dyn Fn() -> bool,
-) -> Result<(), Error> {
+) -> Result<(), ViewerError> {
     let pictures = app.options.pictures.clone();
     if let Some(folder) = &pictures {
         std::fs::create_dir_all(folder).map_err(|source| crate::image::Error::Write {
@@ -99,7 +99,7 @@ pub(super) fn run(
                     match load(loader, (path, &more), false, should_stop)? {
                         // Nobody sees a message in the window, and pictures without the model are of no use.
                         Err(error) if asked.is_some() && window.is_none() => {
-                            return Err(Error::Open(error));
+                            return Err(ViewerError::Open(error));
                         }
                         result => app.loaded(path, result)?,
                     }

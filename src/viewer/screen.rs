@@ -37,7 +37,7 @@ const FRAMES_OF_MEDIAN: usize = 15;
 /// What became of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ShowOutcome {
-    /// It is on its way to the screen.
+    /// The frame is on its way to the screen.
     Frame,
     /// The window changed meanwhile; it must be drawn again.
     Again,
@@ -307,17 +307,17 @@ impl WindowScreen {
         std::mem::take(&mut self.finished)
     }
 
-    /// Whether [`take_finished`](WindowScreen::take_finished) would give any.
+    /// Tells whether [`take_finished`](WindowScreen::take_finished) would give any.
     pub(super) fn has_finished(&self) -> bool {
         !self.finished.is_empty()
     }
 
-    /// Whether frames are on their way.
+    /// Tells whether frames are on their way.
     pub(super) fn has_pending(&self) -> bool {
         !self.pending.is_empty()
     }
 
-    /// Whether the picture of the last frame can be shown again.
+    /// Tells whether the picture of the last frame can be shown again.
     pub(super) fn has_picture(&self) -> bool {
         self.picture.is_some()
     }

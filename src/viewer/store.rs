@@ -4,7 +4,7 @@ use super::choices::{self, name_of, named};
 use super::lamp;
 use crate::oriented::splats::SplatRules;
 use crate::pack::lit_sphere::LitSphere;
-use crate::pack::{Lamp, Lighting, Phong};
+use crate::pack::{Lamp, Phong, SurfaceLighting};
 use crate::render::Settings;
 use crate::render::{AmbientOcclusion, EyeDome};
 use glam::DVec3;
@@ -110,7 +110,7 @@ impl Default for StoredLook {
         Self::of(&Settings {
             eye_dome: EyeDome::Auto,
             ambient_occlusion: AmbientOcclusion::Auto,
-            light: Lighting::Sphere(LitSphere::Studio),
+            light: SurfaceLighting::Sphere(LitSphere::Studio),
             ..Settings::default()
         })
     }
@@ -125,12 +125,12 @@ impl StoredLook {
     /// The words for `settings`.
     pub fn of(settings: &Settings) -> Self {
         let (light, phong) = match settings.light {
-            Lighting::Headlight => ("headlight", Phong::default()),
-            Lighting::Phong(phong) => ("phong", phong),
-            Lighting::Sphere(sphere) => (sphere.name(), Phong::default()),
+            SurfaceLighting::Headlight => ("headlight", Phong::default()),
+            SurfaceLighting::Phong(phong) => ("phong", phong),
+            SurfaceLighting::Sphere(sphere) => (sphere.name(), Phong::default()),
         };
         let (light_at, light_position) = match (settings.light, phong.lamp) {
-            (Lighting::Headlight | Lighting::Sphere(_), _) => (None, None),
+            (SurfaceLighting::Headlight | SurfaceLighting::Sphere(_), _) => (None, None),
             (_, Lamp::FromCamera { azimuth, elevation }) => (
                 Some([lamp::degrees(azimuth), lamp::degrees(elevation)]),
                 None,
@@ -224,7 +224,7 @@ impl StoredLook {
 
 impl StoredLook {
     /// The light of these words.
-    fn lighting(&self) -> Result<Lighting, String> {
+    fn lighting(&self) -> Result<SurfaceLighting, String> {
         let sphere = LitSphere::ALL.into_iter().find(|s| s.name() == self.light);
         let is_lamp = match self.light.as_str() {
             "headlight" => false,
@@ -261,9 +261,9 @@ impl StoredLook {
             within("light_position", *value, -lamp::FARTHEST, lamp::FARTHEST)?;
         }
         if !is_lamp {
-            return Ok(sphere.map_or(Lighting::Headlight, Lighting::Sphere));
+            return Ok(sphere.map_or(SurfaceLighting::Headlight, SurfaceLighting::Sphere));
         }
-        Ok(Lighting::Phong(Phong {
+        Ok(SurfaceLighting::Phong(Phong {
             lamp: match (self.light_position, self.light_at) {
                 (Some(position), _) => Lamp::At(DVec3::from(position)),
                 (None, Some([azimuth, elevation])) => lamp::from_camera(azimuth, elevation),
@@ -374,7 +374,7 @@ mod tests {
         let usual = Settings {
             eye_dome: EyeDome::Auto,
             ambient_occlusion: AmbientOcclusion::Auto,
-            light: Lighting::Sphere(LitSphere::Studio),
+            light: SurfaceLighting::Sphere(LitSphere::Studio),
             ..Settings::default()
         };
         assert_eq!(
@@ -399,7 +399,7 @@ mod tests {
             background: [1.0, 0.2, 0.0],
             background_bottom: Some([0.0, 0.2, 0.4]),
             size: SizeMetric::Area,
-            light: Lighting::Phong(Phong {
+            light: SurfaceLighting::Phong(Phong {
                 lamp: lamp::from_camera(-123.4, 56.7),
                 ambient: 0.25,
                 specular: 0.75,

@@ -1,7 +1,7 @@
 //! What the window says in words: its title, and the statistics.
 
 use crate::gpu::frame::PassTime;
-use crate::math::camera::Light;
+use crate::math::camera::HeadlightSource;
 use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
 use crate::render::vulkan::overdraw;
@@ -103,7 +103,7 @@ pub struct TitleFacts<'a> {
     /// How it is drawn.
     pub settings: &'a Settings,
     /// The headlight, where no lamp is on.
-    pub headlight: Light,
+    pub headlight: HeadlightSource,
     /// Name of the device.
     pub device: &'a str,
     /// How frames reach the screen.

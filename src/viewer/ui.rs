@@ -69,7 +69,7 @@ fn style(style: &mut egui::Style) {
 
 /// Whether the panel needs another pass after an event, and whether the event goes no further.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Taken {
+pub struct TakenEvent {
     /// Something in the panel may look different now.
     pub changes: bool,
     /// The event was for the panel alone.
@@ -78,7 +78,7 @@ pub struct Taken {
 
 impl PanelInterface {
     /// Hands an event over. With `is_shown` false nothing is taken but the size.
-    pub fn event(&mut self, event: &ViewerEvent, is_shown: bool) -> Taken {
+    pub fn event(&mut self, event: &ViewerEvent, is_shown: bool) -> TakenEvent {
         if let ViewerEvent::Size {
             width,
             height,
@@ -91,7 +91,7 @@ impl PanelInterface {
             } else {
                 1.0
             };
-            return Taken {
+            return TakenEvent {
                 changes: is_shown,
                 consumed: false,
             };
@@ -102,20 +102,20 @@ impl PanelInterface {
             if let ViewerEvent::Cursor(at) = event {
                 self.cursor = Some(self.point(*at));
             }
-            return Taken {
+            return TakenEvent {
                 changes: false,
                 consumed: false,
             };
         }
         let (changes, consumed) = self.take(event);
-        Taken { changes, consumed }
+        TakenEvent { changes, consumed }
     }
 
     fn point(&self, [x, y]: [f64; 2]) -> Pos2 {
         pos2(x as f32 / self.scale, y as f32 / self.scale)
     }
 
-    /// Whether something of the panel lies at a point.
+    /// Tells whether something of the panel lies at a point.
     fn covers(&self, at: Pos2) -> bool {
         self.context
             .layer_id_at(at)
@@ -225,7 +225,7 @@ impl PanelInterface {
         }
     }
 
-    /// Whether a text field has the keyboard.
+    /// Tells whether a text field has the keyboard.
     pub fn wants_keyboard(&self) -> bool {
         self.context.text_edit_focused()
     }

@@ -5,7 +5,7 @@ use super::event::{KeyModifiers, KeyboardKey, MouseButton, ViewerEvent};
 use super::file_watch::{FileWatch, WATCH_INTERVAL_S};
 use super::loader::ModelLoader;
 use super::record::{EventRecorder, RecordEntry};
-use super::{Error, ViewerOptions, text};
+use super::{ViewerError, ViewerOptions, text};
 use glam::DVec2;
 use glfw::{Action, GlfwReceiver, PWindow, WindowEvent, WindowHint, WindowMode};
 use std::time::{Duration, Instant};
@@ -304,7 +304,7 @@ impl ViewerWindow {
         loader: &mut ModelLoader,
         mut recorder: Option<&mut EventRecorder>,
         should_stop: &dyn Fn() -> bool,
-    ) -> Result<(), Error> {
+    ) -> Result<(), ViewerError> {
         let mut step = 0;
         let mut has_drawn = true;
         let mut last_time = glfw.get_time();

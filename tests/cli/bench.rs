@@ -298,7 +298,7 @@ fn the_script_needs_the_program_alone() {
     // Every picture is that of the mirror, but those of discs, which this mirror has on white.
     let spoiled = folder.path().join("spoiled.sh");
     let lines = format!(
-        "#!/bin/sh\ncase \"$*\" in *mirror*disc*) exec '{program}' \"$@\" --background white ;; *) exec '{program}' \"$@\" ;; esac\n"
+        "#!/bin/sh\ncase \"$*\" in *reference*disc*) exec '{program}' \"$@\" --background white ;; *) exec '{program}' \"$@\" ;; esac\n"
     );
     std::fs::write(&spoiled, lines).unwrap();
     let runs = std::os::unix::fs::PermissionsExt::from_mode(0o755);

@@ -207,7 +207,7 @@ fn clouds_and_the_mirror_have_charts_too() {
     let panel = &json["panels"][0];
     assert!(panel["points"].as_array().unwrap().len() >= 8, "{panel}");
     assert!(panel["points"][0]["times_faster_than_triangles"].is_null());
-    assert_eq!(json["device"]["name"], "mirror");
+    assert_eq!(json["device"]["name"], "reference");
 
     // The same rows in another folder agree; with one that is twice as slow they do not, and it is named.
     let again = "chart cloud.ply -o again --quick --size 40x40 --fills 1 --repeats 1 --device mirror --quiet";

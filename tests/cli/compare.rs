@@ -2,7 +2,7 @@
 
 use super::harness::{expect, names, surfel_in};
 use std::path::Path;
-use surfel::image::{FloatImage, Image, Picture};
+use surfel::image::{FloatImage, Image, PixelSource};
 
 /// A picture of 40 x 30 pixels of one gray.
 fn gray(at: &Path, name: &str, level: u8) {

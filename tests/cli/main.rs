@@ -10,6 +10,7 @@ mod common_models;
 mod compare;
 mod costs;
 mod damage;
+mod documents;
 mod harness;
 mod join;
 #[cfg(unix)]

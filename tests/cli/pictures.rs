@@ -2,7 +2,7 @@
 
 use super::harness::{expect, has_device, names};
 use std::path::Path;
-use surfel::image::{FloatImage, Picture, compare};
+use surfel::image::{FloatImage, PixelSource, compare};
 
 fn load(path: &Path) -> FloatImage {
     FloatImage::load(path).unwrap_or_else(|e| panic!("{e}"))

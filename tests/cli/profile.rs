@@ -49,7 +49,7 @@ fn check_json(json: &Value, passes: &[&str]) {
         ]
     );
     assert_eq!(json["frames"], 4);
-    let is_mirror = json["device"]["name"] == "mirror";
+    let is_mirror = json["device"]["name"] == "reference";
     let is_timed = !is_mirror && json["device"]["timestamp_period_ns"] != 0.0;
     let frame = &json["frame"];
     let wall = size(&frame["wall_ms"]);
@@ -242,7 +242,7 @@ fn a_file_named_minus_is_standard_output_and_the_table_makes_room() {
         trace["otherData"]["clock"]
             .as_str()
             .unwrap()
-            .contains("host")
+            .contains("processor")
     );
     let table = expect(folder.path(), 0, words).text();
     assert!(table.contains("not known on this device"), "{table}");

@@ -159,7 +159,7 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
                 .all(|m| !m["name"].as_str().unwrap().is_empty())
         );
     } else {
-        assert_eq!(stats["device"]["name"], "mirror");
+        assert_eq!(stats["device"]["name"], "reference");
         assert_eq!(
             (
                 stats["passes"].as_array().map(Vec::len),

@@ -13,7 +13,7 @@ use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::gpu::messages::LayerMessages;
 use surfel::gpu::{DeviceOptions, Gpu};
 use surfel::math::camera::View;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::tree::{self, BuildOptions, Model};
 
 /// Of the device that was opened last; 8 before one is.
@@ -121,7 +121,7 @@ pub(crate) fn generated(shape: GeneratedShape, triangles: u64) -> Model {
     tree::build(
         surfel::generate::mesh(&spec),
         &BuildOptions::default(),
-        &Silent,
+        &SilentProgress,
     )
     .unwrap()
 }
@@ -138,7 +138,7 @@ pub(crate) fn scans(real: &[&str]) -> Vec<(String, Model)> {
 }
 
 fn built(path: &Path) -> Model {
-    tree::build(load(path), &BuildOptions::default(), &Silent).unwrap()
+    tree::build(load(path), &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Tells whether a device is the processor in disguise; where not, one line says that its shortcuts are not tested.
@@ -151,8 +151,8 @@ pub(crate) fn is_software(device: &Device) -> bool {
 }
 
 pub(crate) fn load(path: &Path) -> surfel::mesh::Mesh {
-    let options = surfel::input::Options::default();
-    surfel::input::load(path, &options, &Silent)
+    let options = surfel::input::ReadOptions::default();
+    surfel::input::load(path, &options, &SilentProgress)
         .unwrap_or_else(|e| panic!("{e}"))
         .mesh
 }

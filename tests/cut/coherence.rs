@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use surfel::cut::{Cut, CutSelector, CutSettings, SizeMetric, SplatFootprints, ZeroAreaSet};
 use surfel::generate::{self, GeneratedShape, ShapeSpec};
 use surfel::math::camera::View;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::tree::{self, BuildOptions, Model, NormalCone};
 
 /// A selector that starts at the root and one that starts at the front of its last cut, side by side.
@@ -217,7 +217,7 @@ fn the_cut_of_a_moving_camera_of_built_trees_equals_the_cut_from_the_root() {
                     triangle[2] = triangle[1];
                 }
             }
-            let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+            let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
             let pair = walk(&format!("{shape:?}"), &model, 400, 20 + i as u64);
             assert!(
                 pair.coherent_frames > 100,

@@ -114,7 +114,11 @@ fn write_recording(path: &Path) {
 ///
 /// # Panics
 /// When it hangs, leaves a device open, or validation says anything.
-fn play(recording: &Path, faults: &CallFaults, what: &str) -> Result<RunFigures, viewer::Error> {
+fn play(
+    recording: &Path,
+    faults: &CallFaults,
+    what: &str,
+) -> Result<RunFigures, viewer::ViewerError> {
     let options = ViewerOptions {
         model: MODEL.into(),
         orbit: (0.5, 0.35, 0.9),

@@ -6,13 +6,13 @@ use std::sync::Arc;
 
 use surfel::cut::{Cut, CutSettings, select};
 use surfel::image::{FloatImage, PictureChannels};
-use surfel::input::{self, Loaded, Options};
+use surfel::input::{self, LoadedMesh, ReadOptions};
 use surfel::pages::file::PagedFile;
 use surfel::pages::source::MemorySource;
 use surfel::pages::{check as check_pages, join, qs};
 use surfel::photos::decode::{decode_photo, decode_thumbnail};
 use surfel::photos::formats::read_scene;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::tree::{self, Model};
 
 /// What became of an input that kept every promise.
@@ -431,7 +431,7 @@ fn expect(holds: bool, what: &str) -> Result<(), String> {
 }
 
 /// What a mesh promises, whatever it was read from; some are built into a tree, checked and cut.
-fn check_loaded(loaded: Loaded, bytes: &[u8]) -> Result<InputOutcome, String> {
+fn check_loaded(loaded: LoadedMesh, bytes: &[u8]) -> Result<InputOutcome, String> {
     let mesh = &loaded.mesh;
     let vertices = mesh.positions.len();
     expect(vertices > 0, "a mesh without vertices")?;
@@ -472,7 +472,7 @@ fn check_loaded(loaded: Loaded, bytes: &[u8]) -> Result<InputOutcome, String> {
         mesh.colors.is_empty()
     );
     if bytes.iter().map(|b| u64::from(*b)).sum::<u64>() % 4 == 0 && vertices < 20_000 {
-        let model = tree::build(loaded.mesh, &tree::BuildOptions::default(), &Silent)
+        let model = tree::build(loaded.mesh, &tree::BuildOptions::default(), &SilentProgress)
             .map_err(|error| format!("no tree: {error}"))?;
         let report = tree::check(&model);
         expect(report.is_clean(), &report.violations.join("; "))?;
@@ -499,9 +499,9 @@ fn check_model(model: &Model) -> Result<(), String> {
     Ok(())
 }
 
-fn options() -> Options {
-    Options {
-        limits: input::Limits {
+fn options() -> ReadOptions {
+    ReadOptions {
+        limits: input::ReadLimits {
             texture_bytes: 8 << 20,
             ..Default::default()
         },
@@ -510,7 +510,7 @@ fn options() -> Options {
 }
 
 fn model_in_memory(_: &Path, name: &str, bytes: &[u8]) -> Result<InputOutcome, String> {
-    match input::load_bytes(name, bytes, &options(), &Silent) {
+    match input::load_bytes(name, bytes, &options(), &SilentProgress) {
         Ok(loaded) => check_loaded(loaded, bytes),
         Err(error) => refused(name, &error.to_string()),
     }
@@ -550,14 +550,19 @@ fn model_in_folder(folder: &Path, name: &str, bytes: &[u8]) -> Result<InputOutco
         );
     }
     let path = if is_model { path } else { model };
-    match input::load(&path, &options(), &Silent) {
+    match input::load(&path, &options(), &SilentProgress) {
         Ok(loaded) => check_loaded(loaded, bytes),
         Err(error) => refused(&path.display().to_string(), &error.to_string()),
     }
 }
 
 fn tree_file(_: &Path, name: &str, bytes: &[u8]) -> Result<InputOutcome, String> {
-    let read = tree::file::read_from(&mut &*bytes, bytes.len() as u64, Path::new(name), &Silent);
+    let read = tree::file::read_from(
+        &mut &*bytes,
+        bytes.len() as u64,
+        Path::new(name),
+        &SilentProgress,
+    );
     match read {
         Ok(model) => {
             check_model(&model)?;
@@ -573,11 +578,11 @@ fn paged_file(_: &Path, name: &str, bytes: &[u8]) -> Result<InputOutcome, String
         Ok(file) => file,
         Err(error) => return refused(name, &error.to_string()),
     };
-    let report = check_pages::check(&file, &Silent);
+    let report = check_pages::check(&file, &SilentProgress);
     if let Ok(model) = file.stand_in(file.origin()) {
         check_model(&model)?;
     }
-    match join::whole_model(&file, &Silent) {
+    match join::whole_model(&file, &SilentProgress) {
         Ok(model) => {
             check_model(&model)?;
             opened(&report.violations.join(" "))
@@ -595,7 +600,7 @@ fn qs_file(_: &Path, name: &str, bytes: &[u8]) -> Result<InputOutcome, String> {
     if cloud.radii.len() > 20_000 {
         return opened("many");
     }
-    match tree::build_with_radii(cloud.mesh, &cloud.radii, &Silent) {
+    match tree::build_with_radii(cloud.mesh, &cloud.radii, &SilentProgress) {
         Ok(model) => {
             let report = tree::check(&model);
             expect(report.is_clean(), &report.violations.join("; "))?;

@@ -2,7 +2,7 @@
 
 use surfel::oriented::splats::SplatRules;
 use surfel::pack::lit_sphere::LitSphere;
-use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
+use surfel::pack::{ColorBy, Lamp, Phong, SurfaceLighting};
 use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::render::{
     AmbientOcclusion, Blend, EyeDome, Method, Occlusion, Path, Reconstruction, Settings, Shading,
@@ -155,7 +155,7 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
         changed
     };
     // Beside the eye, so that shades and highlights differ from the headlight's.
-    let lamp = Lighting::Phong(Phong {
+    let lamp = SurfaceLighting::Phong(Phong {
         lamp: Lamp::FromCamera {
             azimuth: 0.9,
             elevation: 0.4,
@@ -260,20 +260,20 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
             s.light = lamp;
         }),
         with(case("studio", Pop, Square, 3.0), &|s| {
-            s.light = Lighting::Sphere(LitSphere::Studio);
+            s.light = SurfaceLighting::Sphere(LitSphere::Studio);
         }),
         with(case("clay", Pop, Disc, 3.0), &|s| {
-            s.light = Lighting::Sphere(LitSphere::Clay);
+            s.light = SurfaceLighting::Sphere(LitSphere::Clay);
         }),
         with(case("porcelain-filtered", Pop, Filtered, 6.0), &|s| {
-            s.light = Lighting::Sphere(LitSphere::Porcelain);
+            s.light = SurfaceLighting::Sphere(LitSphere::Porcelain);
         }),
         with(case("metal-triangles", Triangles, Square, 1.0), &|s| {
-            s.light = Lighting::Sphere(LitSphere::Metal);
+            s.light = SurfaceLighting::Sphere(LitSphere::Metal);
         })
         .no_compute(OF_A_TREE),
         with(case("metal-gauss", Pop, Gauss, 3.0), &|s| {
-            s.light = Lighting::Sphere(LitSphere::Metal);
+            s.light = SurfaceLighting::Sphere(LitSphere::Metal);
         })
         .no_host(NOT_BLENDED),
         with(case("occlusion", Pop, Square, 2.0), &|s| {

@@ -6,8 +6,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DVec3, Vec3};
-use surfel::input::{self, Error, Limits, Options, Warning};
-use surfel::progress::{Progress, Silent};
+use surfel::input::{self, Error, ReadLimits, ReadOptions, ReadWarning};
+use surfel::progress::{Progress, SilentProgress};
 
 use super::{check, read, try_read};
 
@@ -209,8 +209,12 @@ fn empty_and_unknown_files_are_named() {
         try_read("a.png", b"\x89PNG\r\n\x1a\n\0\0\0\0"),
         Err(Error::UnknownFormat { .. })
     ));
-    let error =
-        input::load(Path::new("no/such/file.ply"), &Options::default(), &Silent).unwrap_err();
+    let error = input::load(
+        Path::new("no/such/file.ply"),
+        &ReadOptions::default(),
+        &SilentProgress,
+    )
+    .unwrap_err();
     assert!(matches!(error, Error::Open { .. }));
     assert!(
         error
@@ -220,8 +224,8 @@ fn empty_and_unknown_files_are_named() {
     assert!(
         input::load(
             Path::new(env!("CARGO_MANIFEST_DIR")),
-            &Options::default(),
-            &Silent
+            &ReadOptions::default(),
+            &SilentProgress
         )
         .is_err()
     );
@@ -232,9 +236,10 @@ fn empty_and_unknown_files_are_named() {
 fn standard_input_is_read() {
     const CHILD: &str = "SURFEL_TEST_READS_STANDARD_INPUT";
     if std::env::var_os(CHILD).is_some() {
-        let loaded = input::load(Path::new("-"), &Options::default(), &Silent).unwrap();
+        let loaded = input::load(Path::new("-"), &ReadOptions::default(), &SilentProgress).unwrap();
         assert_eq!(loaded.mesh.triangles.len(), 3);
-        let error = input::load(Path::new("-"), &Options::default(), &Silent).unwrap_err();
+        let error =
+            input::load(Path::new("-"), &ReadOptions::default(), &SilentProgress).unwrap_err();
         assert!(
             error
                 .to_string()
@@ -289,7 +294,7 @@ fn content_goes_before_the_ending() {
             !right
                 .warnings
                 .iter()
-                .any(|warning| matches!(warning, Warning::EndingDisagrees { .. }))
+                .any(|warning| matches!(warning, ReadWarning::EndingDisagrees { .. }))
         );
         for wrong in ["a.xyz", "a.tri"] {
             let loaded = read(wrong, &bytes);
@@ -298,7 +303,7 @@ fn content_goes_before_the_ending() {
                 (right.format, right.mesh.clone())
             );
             assert!(
-                matches!(&loaded.warnings[0], Warning::EndingDisagrees { .. }),
+                matches!(&loaded.warnings[0], ReadWarning::EndingDisagrees { .. }),
                 "{wrong} {name}"
             );
         }
@@ -334,16 +339,16 @@ fn gzip_is_unpacked_within_bounds() {
     assert!(
         matches!(try_read("a.ply", &bomb), Err(Error::TooLarge { found, .. }) if found <= (64 << 20) + 1)
     );
-    let small = Limits {
+    let small = ReadLimits {
         unpacked_bytes: 100,
-        ..Limits::default()
+        ..ReadLimits::default()
     };
-    let options = Options {
+    let options = ReadOptions {
         limits: small,
-        ..Options::default()
+        ..ReadOptions::default()
     };
     assert!(matches!(
-        input::load_bytes("a", &gzip(&plain), &options, &Silent),
+        input::load_bytes("a", &gzip(&plain), &options, &SilentProgress),
         Err(Error::TooLarge {
             limit: 100,
             found: 101,
@@ -355,15 +360,15 @@ fn gzip_is_unpacked_within_bounds() {
 #[test]
 fn limits_are_kept() {
     for (name, bytes) in seeds().iter().filter(|(name, _)| *name != "a.ply.gz") {
-        let limit = |limits| Options {
+        let limit = |limits| ReadOptions {
             limits,
-            ..Options::default()
+            ..ReadOptions::default()
         };
-        let few = limit(Limits {
+        let few = limit(ReadLimits {
             vertices: 3,
-            ..Limits::default()
+            ..ReadLimits::default()
         });
-        let error = input::load_bytes(name, bytes, &few, &Silent)
+        let error = input::load_bytes(name, bytes, &few, &SilentProgress)
             .expect_err("four vertices are over three");
         assert!(
             matches!(
@@ -376,19 +381,19 @@ fn limits_are_kept() {
             ),
             "{name}: {error}"
         );
-        let short = limit(Limits {
+        let short = limit(ReadLimits {
             file_bytes: 30,
-            ..Limits::default()
+            ..ReadLimits::default()
         });
         assert!(matches!(
-            input::load_bytes(name, bytes, &short, &Silent),
+            input::load_bytes(name, bytes, &short, &SilentProgress),
             Err(Error::TooLarge { limit: 30, .. })
         ));
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
         assert!(matches!(
-            input::load(&path, &short, &Silent),
+            input::load(&path, &short, &SilentProgress),
             Err(Error::TooLarge { limit: 30, .. })
         ));
     }
@@ -402,7 +407,7 @@ fn what_is_not_finite_is_dropped_and_counted() {
     assert_eq!(loaded.mesh.triangles, [[0, 1, 2]]);
     assert_eq!(
         loaded.warnings,
-        [Warning::NotFiniteDropped {
+        [ReadWarning::NotFiniteDropped {
             vertices: 2,
             triangles: 2
         }]
@@ -417,7 +422,7 @@ fn what_is_not_finite_is_dropped_and_counted() {
     assert!(
         cloud
             .warnings
-            .contains(&Warning::NormalsUnknown { count: 1 })
+            .contains(&ReadWarning::NormalsUnknown { count: 1 })
     );
     let nothing = try_read("a.off", "OFF\n2 0 0\nnan 0 0\n1e99 0 0\n");
     assert!(matches!(nothing, Err(Error::NotFinite { vertices: 2, .. })));
@@ -444,7 +449,7 @@ fn large_coordinates_keep_their_detail() {
         assert_eq!(mesh.origin, DVec3::new(484_653.0, 6_632_634.0, 22.0));
         assert_eq!(
             loaded.warnings,
-            [Warning::OriginMoved {
+            [ReadWarning::OriginMoved {
                 origin: mesh.origin
             }]
         );
@@ -472,11 +477,11 @@ fn large_coordinates_keep_their_detail() {
 fn welding_merges_equal_vertices_when_asked() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 5 4 6\n";
     assert_eq!(read("a.obj", text).mesh.positions.len(), 6);
-    let options = Options {
+    let options = ReadOptions {
         weld: true,
-        ..Options::default()
+        ..ReadOptions::default()
     };
-    let loaded = input::load_bytes("a.obj", text.as_bytes(), &options, &Silent).unwrap();
+    let loaded = input::load_bytes("a.obj", text.as_bytes(), &options, &SilentProgress).unwrap();
     assert_eq!(loaded.mesh.positions.len(), 4);
     assert_eq!(loaded.mesh.triangles, [[0, 1, 2], [2, 1, 3]]);
 }
@@ -524,12 +529,12 @@ fn progress_adds_up_and_cancelling_stops_anywhere() {
         let path = folder.path().join(name);
         std::fs::write(&path, &bytes).unwrap();
         let all = Counting::new(u64::MAX);
-        input::load(&path, &Options::default(), &all).unwrap();
+        input::load(&path, &ReadOptions::default(), &all).unwrap();
         assert_eq!(all.done.into_inner(), all.total.into_inner(), "{name}");
         let questions = all.questions.into_inner();
         assert!(questions >= 3, "{name}");
         for patience in 0..questions {
-            let result = input::load(&path, &Options::default(), &Counting::new(patience));
+            let result = input::load(&path, &ReadOptions::default(), &Counting::new(patience));
             assert!(
                 matches!(result, Err(Error::Cancelled)),
                 "{name} after {patience} of {questions}"

@@ -4,25 +4,25 @@
 use std::f32::consts::PI;
 
 use glam::Vec3;
-use surfel::input::{self, Loaded, Options, PartFate, Place, Warning};
-use surfel::progress::Silent;
+use surfel::input::{self, FilePlace, LoadedMesh, PartFate, ReadOptions, ReadWarning};
+use surfel::progress::SilentProgress;
 
 use super::{check, message, read};
 
-fn remarks(loaded: &Loaded) -> String {
+fn remarks(loaded: &LoadedMesh) -> String {
     let lines: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     lines.join("\n")
 }
 
 /// A part of the inventory, by its name.
-fn fate(loaded: &Loaded, name: &str) -> (u64, PartFate) {
+fn fate(loaded: &LoadedMesh, name: &str) -> (u64, PartFate) {
     let part = loaded.parts.iter().find(|part| part.name == name);
     let part = part.unwrap_or_else(|| panic!("no {name} in {:#?}", loaded.parts));
     (part.count, part.fate)
 }
 
 /// Twice the area of the triangles, with the sign that it has seen from +z.
-fn areas(loaded: &Loaded) -> Vec<f32> {
+fn areas(loaded: &LoadedMesh) -> Vec<f32> {
     let mesh = &loaded.mesh;
     let area = |triangle: &[u32; 3]| {
         let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize]);
@@ -87,7 +87,10 @@ fn concave_faces_are_covered_once_in_every_format() {
         assert!(areas.iter().all(|&area| area > 1e-4), "{name}: {areas:?}");
         assert!((areas.iter().sum::<f32>() - wanted).abs() < 1e-4, "{name}");
         if name == "closed.obj" {
-            assert_eq!(loaded.warnings, [Warning::FirstCornerRepeated { count: 1 }]);
+            assert_eq!(
+                loaded.warnings,
+                [ReadWarning::FirstCornerRepeated { count: 1 }]
+            );
         } else {
             assert_eq!(loaded.warnings, [], "{name}");
         }
@@ -198,7 +201,7 @@ fn stl(header: &[u8], count: u32, triangles: u32, color: impl Fn(u32) -> u16) ->
 #[test]
 fn stl_counts_are_not_believed_against_the_size() {
     let contradiction = |promised, found| {
-        [Warning::CountContradicts {
+        [ReadWarning::CountContradicts {
             what: "triangles",
             promised,
             found,
@@ -223,7 +226,7 @@ fn stl_counts_are_not_believed_against_the_size() {
     longer.extend([b'x'; 120]);
     assert_eq!(
         read("a.stl", &longer).warnings,
-        [Warning::TrailingBytes { bytes: 120 }]
+        [ReadWarning::TrailingBytes { bytes: 120 }]
     );
     longer = stl(b"exporter", 3, 5, |_| 0);
     longer.extend(b"\r\n");
@@ -242,7 +245,7 @@ fn stl_colors_of_both_conventions() {
             [five(31, 0, 0) | 1 << 15, five(0, 16, 31) | 1 << 15, 0][i as usize]
         }),
     );
-    let colors = |loaded: &Loaded, triangle: usize| {
+    let colors = |loaded: &LoadedMesh, triangle: usize| {
         loaded.mesh.triangles[triangle].map(|corner| loaded.mesh.colors[corner as usize])
     };
     assert_eq!(colors(&loaded, 0), [[255, 0, 0, 255]; 3]);
@@ -376,7 +379,7 @@ fn ply(properties: &str, rows: &str) -> String {
 #[test]
 fn colors_have_the_range_of_their_values() {
     let rgb = |kind: &str| format!("{kind} Red, {kind} Green, {kind} Blue");
-    let range = |largest| vec![Warning::ColorRange { largest }];
+    let range = |largest| vec![ReadWarning::ColorRange { largest }];
     for (properties, rows, wanted, remark) in [
         (
             rgb("float"),
@@ -553,7 +556,7 @@ fn gaussian_splats_have_their_base_color_and_a_sentence() {
         // 0.5, 0.5 + 0.28209479 * 1.7724539 = 1, below 0.
         assert_eq!(loaded.mesh.colors, [[128, 255, 0, 255]]);
         assert_eq!(loaded.mesh.normals, []);
-        assert_eq!(loaded.warnings, [Warning::GaussianSplats { count: 1 }]);
+        assert_eq!(loaded.warnings, [ReadWarning::GaussianSplats { count: 1 }]);
         assert_eq!(fate(&loaded, "property f_dc_0 of vertex").1, PartFate::Used);
         assert_eq!(
             fate(&loaded, "property scale_0 of vertex").1,
@@ -566,7 +569,7 @@ fn gaussian_splats_have_their_base_color_and_a_sentence() {
 }
 
 /// The colors of the corners of every triangle.
-fn corner_colors(loaded: &Loaded) -> Vec<[[u8; 4]; 3]> {
+fn corner_colors(loaded: &LoadedMesh) -> Vec<[[u8; 4]; 3]> {
     let mesh = &loaded.mesh;
     let colors = |triangle: &[u32; 3]| triangle.map(|corner| mesh.colors[corner as usize]);
     mesh.triangles.iter().map(colors).collect()
@@ -641,7 +644,7 @@ fn materials_are_found_and_black_under_a_texture_is_none() {
         let path = at("a.obj");
         let text = format!("mtllib {library}\nusemtl {material}\n{TRIANGLE}f 1 2 3\n");
         std::fs::write(&path, text).unwrap();
-        input::load(&path, &Options::default(), &Silent).unwrap()
+        input::load(&path, &ReadOptions::default(), &SilentProgress).unwrap()
     };
     for library in [
         "My Scan.MTL",
@@ -703,11 +706,11 @@ fn every_part_of_a_file_is_listed_and_what_is_left_out_is_one_line() {
     assert_eq!(fate(&obj, "weird"), (1, PartFate::LeftOut));
     assert_eq!(fate(&obj, "f (faces)"), (1, PartFate::Used));
     // A place has its words.
-    let fault = Warning::PartFaulty {
+    let fault = ReadWarning::PartFaulty {
         what: "colors are no numbers",
         outcome: "treated as white",
         count: 2,
-        place: Place::Byte(7),
+        place: FilePlace::Byte(7),
     };
     assert_eq!(
         fault.to_string(),
@@ -725,12 +728,12 @@ fn a_sheet_made_two_sided_is_drawn_once_and_windings_agree() {
     let back = |a: u32| format!("f {} {} {} {}\n", a + 6, a + 7, a + 1, a);
     let once: String = cells().map(quad).collect();
     let load = |faces: &str, repair_faces| {
-        let options = Options {
+        let options = ReadOptions {
             repair_faces,
-            ..Options::default()
+            ..ReadOptions::default()
         };
         let text = format!("{rows}{faces}");
-        input::load_bytes("a.obj", text.as_bytes(), &options, &Silent).unwrap()
+        input::load_bytes("a.obj", text.as_bytes(), &options, &SilentProgress).unwrap()
     };
     let wanted = load(&once, true);
     assert_eq!(wanted.warnings, []);
@@ -738,7 +741,7 @@ fn a_sheet_made_two_sided_is_drawn_once_and_windings_agree() {
     let twice = once.clone() + &cells().map(back).collect::<String>();
     let loaded = load(&twice, true);
     assert!(loaded.mesh == wanted.mesh);
-    assert_eq!(loaded.warnings, [Warning::FacesOpposed { count: 50 }]);
+    assert_eq!(loaded.warnings, [ReadWarning::FacesOpposed { count: 50 }]);
     assert_eq!(load(&twice, false).mesh.triangles.len(), 100);
     let mixed: String = cells()
         .enumerate()
@@ -746,7 +749,7 @@ fn a_sheet_made_two_sided_is_drawn_once_and_windings_agree() {
         .collect();
     let mixed = load(&mixed, true);
     assert!(areas(&mixed).iter().all(|&area| area > 0.0));
-    assert_eq!(mixed.warnings, [Warning::FacesTurned { count: 12 }]);
+    assert_eq!(mixed.warnings, [ReadWarning::FacesTurned { count: 12 }]);
 }
 
 #[test]
@@ -772,7 +775,7 @@ fn extents_beyond_single_precision_are_scaled_and_absurd_strays_left_out() {
     assert_eq!(usual.warnings, []);
     for scale in [1e19, 1e20, 1e30, 1e-18, 1e-30, 1e-40] {
         let loaded = mesh(scale, "");
-        let Warning::Scaled { exponent } = loaded.warnings[0] else {
+        let ReadWarning::Scaled { exponent } = loaded.warnings[0] else {
             panic!("{}", remarks(&loaded))
         };
         let factor = scale * f64::from(exponent).exp2();
@@ -789,7 +792,10 @@ fn extents_beyond_single_precision_are_scaled_and_absurd_strays_left_out() {
     }
     // One vertex at the end of single precision does not make the model a dot.
     let loaded = mesh(1.0, "v 1e30 0 0\nf 1 2 61\n");
-    assert_eq!(loaded.warnings, [Warning::FarOffDropped { vertices: 1 }]);
+    assert_eq!(
+        loaded.warnings,
+        [ReadWarning::FarOffDropped { vertices: 1 }]
+    );
     assert_eq!(loaded.mesh.positions, usual.mesh.positions);
     assert_eq!(loaded.mesh.triangles.len(), 58);
 }

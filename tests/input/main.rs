@@ -15,19 +15,19 @@ mod scans;
 mod textures;
 
 use glam::Vec3;
-use surfel::input::{self, Error, Loaded, Options};
-use surfel::progress::Silent;
+use surfel::input::{self, Error, LoadedMesh, ReadOptions};
+use surfel::progress::SilentProgress;
 
-fn try_read(name: &str, bytes: impl AsRef<[u8]>) -> Result<Loaded, Error> {
+fn try_read(name: &str, bytes: impl AsRef<[u8]>) -> Result<LoadedMesh, Error> {
     // The files are made by hand: what their faces have in common is none of a surface.
-    let options = Options {
+    let options = ReadOptions {
         repair_faces: false,
-        ..Options::default()
+        ..ReadOptions::default()
     };
-    input::load_bytes(name, bytes.as_ref(), &options, &Silent)
+    input::load_bytes(name, bytes.as_ref(), &options, &SilentProgress)
 }
 
-fn read(name: &str, bytes: impl AsRef<[u8]>) -> Loaded {
+fn read(name: &str, bytes: impl AsRef<[u8]>) -> LoadedMesh {
     try_read(name, bytes).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -40,7 +40,7 @@ fn message(name: &str, bytes: impl AsRef<[u8]>) -> String {
 const SQUARE: [Vec3; 4] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
 
 /// What `Mesh` promises, and bounds on what a file of `bytes` may grow to.
-fn check(loaded: &Loaded, bytes: usize) {
+fn check(loaded: &LoadedMesh, bytes: usize) {
     let mesh = &loaded.mesh;
     let vertices = mesh.positions.len();
     assert!(vertices > 0);

@@ -2,9 +2,9 @@
 
 use glam::Vec3;
 use std::path::Path;
-use surfel::input::{self, Error, Options, Warning};
+use surfel::input::{self, Error, ReadOptions, ReadWarning};
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 
 use super::check;
 use super::common_models::{models, ring_file, scan_file};
@@ -12,7 +12,7 @@ use super::common_models::{models, ring_file, scan_file};
 /// What a scan brings: borders, needles, triangles without area, corners in one place, vertices of no triangle.
 #[test]
 fn our_scan_is_read_with_all_that_is_wrong_with_it() {
-    let loaded = input::load(&scan_file(), &Options::default(), &Silent).unwrap();
+    let loaded = input::load(&scan_file(), &ReadOptions::default(), &SilentProgress).unwrap();
     check(&loaded, usize::MAX);
     let mesh = &loaded.mesh;
     let counts = (mesh.positions.len(), mesh.triangles.len());
@@ -47,10 +47,10 @@ fn our_scan_is_read_with_all_that_is_wrong_with_it() {
 
 #[test]
 fn our_ring_keeps_its_polygons_and_remarks() {
-    let ring = input::load(&ring_file(), &Options::default(), &Silent).unwrap();
+    let ring = input::load(&ring_file(), &ReadOptions::default(), &SilentProgress).unwrap();
     assert_eq!((ring.counts.faces, ring.mesh.triangles.len()), (197, 480));
     assert!(
-        matches!(&ring.warnings[..], [Warning::MaterialFileMissing { name, .. }] if name == "ring.mtl")
+        matches!(&ring.warnings[..], [ReadWarning::MaterialFileMissing { name, .. }] if name == "ring.mtl")
     );
     assert_as_other_reader(&ring.mesh, &ring_file());
 }
@@ -99,7 +99,8 @@ fn real_models_have_their_verified_counts() {
         ("photos/sceaux/scene_mesh.ply", 7_378, 14_709),
         ("photos/sceaux/Sparse.ply", 12_683, 0),
     ] {
-        let loaded = input::load(&folder.join(name), &Options::default(), &Silent).unwrap();
+        let loaded =
+            input::load(&folder.join(name), &ReadOptions::default(), &SilentProgress).unwrap();
         let mesh = &loaded.mesh;
         let is_stl = name.to_ascii_lowercase().ends_with(".stl");
         let is_obj = name.contains(".obj");
@@ -202,16 +203,18 @@ fn assert_as_other_reader(mesh: &Mesh, path: &Path) {
 #[test]
 fn real_models_keep_their_polygons_and_remarks() {
     let Some(folder) = models() else { return };
-    let load = |name: &str| input::load(&folder.join(name), &Options::default(), &Silent).unwrap();
+    let load = |name: &str| {
+        input::load(&folder.join(name), &ReadOptions::default(), &SilentProgress).unwrap()
+    };
     let porsche = load("thesis/porsche.obj");
     assert_eq!(porsche.counts.faces, 4_740);
     assert!(
-        matches!(&porsche.warnings[..], [Warning::MaterialFileMissing { name, .. }] if name == "porsche.mtl")
+        matches!(&porsche.warnings[..], [ReadWarning::MaterialFileMissing { name, .. }] if name == "porsche.mtl")
     );
     assert_as_other_reader(&porsche.mesh, &folder.join("thesis/porsche.obj"));
 
     let tree = folder.join("qsplat/horse.qs");
-    let error = input::load(&tree, &Options::default(), &Silent).unwrap_err();
+    let error = input::load(&tree, &ReadOptions::default(), &SilentProgress).unwrap_err();
     assert!(
         matches!(
             error,

@@ -1,8 +1,8 @@
 //! OBJ and its materials.
 
 use glam::Vec3;
-use surfel::input::{self, Error, Format, Options, Place, Warning};
-use surfel::progress::Silent;
+use surfel::input::{self, Error, FilePlace, Format, ReadOptions, ReadWarning};
+use surfel::progress::SilentProgress;
 
 use super::{SQUARE, message, read, try_read};
 
@@ -32,16 +32,16 @@ fn obj_square_with_everything() {
     assert_eq!(
         loaded.warnings,
         [
-            Warning::PartsIgnored {
+            ReadWarning::PartsIgnored {
                 what: "lines, points and curves",
                 count: 1
             },
             // It might name a texture, which goes before colors of vertices.
-            Warning::MaterialFileMissing {
+            ReadWarning::MaterialFileMissing {
                 name: "none.mtl".into(),
                 reason: "the model was not read from a file".into()
             },
-            Warning::LeftOut {
+            ReadWarning::LeftOut {
                 parts: vec!["texture coordinates".into()]
             }
         ]
@@ -76,7 +76,7 @@ fn obj_faces_may_point_ahead_but_not_beyond() {
     assert!(matches!(
         try_read("a.obj", text),
         Err(Error::Index {
-            place: Place::Line(5),
+            place: FilePlace::Line(5),
             index: 4,
             count: 3,
             what: "vertex",
@@ -115,28 +115,28 @@ fn obj_materials_color_their_faces() {
     let path = folder.path().join("a.obj");
     let text = "mtllib two colors.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\nusemtl c\nf 1 2 4\n";
     std::fs::write(&path, text).unwrap();
-    let loaded = input::load(&path, &Options::default(), &Silent).unwrap();
+    let loaded = input::load(&path, &ReadOptions::default(), &SilentProgress).unwrap();
     let colors_of = |triangle: [u32; 3]| triangle.map(|corner| loaded.mesh.colors[corner as usize]);
     assert_eq!(colors_of(loaded.mesh.triangles[0]), [[255, 0, 0, 255]; 3]);
     assert_eq!(colors_of(loaded.mesh.triangles[1]), [[0, 0, 255, 255]; 3]);
     assert_eq!(colors_of(loaded.mesh.triangles[2]), [[255; 4]; 3]);
     // Four, two more for the second material, three for the third.
     assert_eq!(loaded.mesh.positions.len(), 9);
-    assert!(loaded.warnings.contains(&Warning::TextureIgnored {
+    assert!(loaded.warnings.contains(&ReadWarning::TextureIgnored {
         name: "t.png".into(),
         count: 1
     }));
-    assert!(loaded.warnings.contains(&Warning::MaterialUnknown {
+    assert!(loaded.warnings.contains(&ReadWarning::MaterialUnknown {
         name: "c".into(),
         count: 1
     }));
 
-    let plain = Options {
+    let plain = ReadOptions {
         materials: false,
         repair_faces: false,
-        ..Options::default()
+        ..ReadOptions::default()
     };
-    let loaded = input::load(&path, &plain, &Silent).unwrap();
+    let loaded = input::load(&path, &plain, &SilentProgress).unwrap();
     assert_eq!(
         (loaded.mesh.positions.len(), loaded.mesh.colors.len()),
         (4, 0)
@@ -162,9 +162,9 @@ fn obj_material_files_that_cannot_be_read_are_remarks() {
         format!("mtllib folder.mtl none.mtl\n{many}v 0 0 0\nf 1 1 1\n"),
     )
     .unwrap();
-    let loaded = input::load(&path, &Options::default(), &Silent).unwrap();
+    let loaded = input::load(&path, &ReadOptions::default(), &SilentProgress).unwrap();
     let missing = |index: usize| match &loaded.warnings[index] {
-        Warning::MaterialFileMissing { name, reason } => (name.as_str(), reason.as_str()),
+        ReadWarning::MaterialFileMissing { name, reason } => (name.as_str(), reason.as_str()),
         other => panic!("{other}"),
     };
     assert_eq!(missing(0), ("folder.mtl", "not a file"));

@@ -1,7 +1,7 @@
 //! STL, OFF and TRI.
 
 use glam::Vec3;
-use surfel::input::{Format, Warning};
+use surfel::input::{Format, ReadWarning};
 
 use super::{SQUARE, message, read};
 
@@ -54,7 +54,7 @@ fn stl_of_both_kinds_is_a_welded_mesh() {
     longer.extend([0; 7]);
     assert_eq!(
         read("a.stl", longer).warnings,
-        [Warning::TrailingBytes { bytes: 7 }]
+        [ReadWarning::TrailingBytes { bytes: 7 }]
     );
 }
 
@@ -172,7 +172,10 @@ fn tri_of_both_kinds() {
     }
     let bare = read("a.tri", format!("Vertices\n{points}Triangles\n{faces}"));
     assert_eq!(bare.mesh.normals, []);
-    assert!(matches!(bare.warnings[..], [Warning::PartMissing { .. }]));
+    assert!(matches!(
+        bare.warnings[..],
+        [ReadWarning::PartMissing { .. }]
+    ));
     for (text, wanted) in [
         (
             format!("Vertices\n{points}"),

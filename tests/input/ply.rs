@@ -1,7 +1,7 @@
 //! PLY in its encodings, and headers of any format that lie.
 
 use glam::{DVec3, Vec3};
-use surfel::input::{Error, Format, Place, Warning};
+use surfel::input::{Error, FilePlace, Format, ReadWarning};
 
 use super::{SQUARE, message, read, try_read};
 
@@ -107,8 +107,8 @@ fn ply_in_three_encodings_is_the_same_mesh() {
         assert_eq!(
             loaded.warnings,
             [
-                Warning::FacesTooSmall { count: 1 },
-                Warning::LeftOut {
+                ReadWarning::FacesTooSmall { count: 1 },
+                ReadWarning::LeftOut {
                     parts: left_out
                         .into_iter()
                         .chain([alpha])
@@ -193,7 +193,7 @@ fn ply_fixed_rows_over_several_pieces() {
         let wanted = |i: u32| [i, i + 1, i + 2].map(|corner| corner % vertices);
         assert_eq!(mesh.triangles.len(), triangles as usize);
         assert!((0_u32..).zip(&mesh.triangles).all(|(i, t)| *t == wanted(i)));
-        let flag = Warning::LeftOut {
+        let flag = ReadWarning::LeftOut {
             parts: vec!["flag of face".into()],
         };
         assert_eq!(loaded.warnings, [flag]);
@@ -208,7 +208,7 @@ fn ply_fixed_rows_fall_back_to_find_the_place() {
     // Row 5 names vertex 9; its third corner ends at byte 13 of the row.
     let mut bad = good.clone();
     bad[body + 5 * 14 + 9] = 9;
-    let place = Place::Byte((body + 5 * 14 + 12) as u64);
+    let place = FilePlace::Byte((body + 5 * 14 + 12) as u64);
     assert!(
         matches!(try_read("a.ply", &bad), Err(Error::Index { index: 9, count: 9, place: p, .. }) if p == place)
     );
@@ -227,7 +227,7 @@ fn ply_fixed_rows_fall_back_to_find_the_place() {
     ));
     // A row with two corners shifts all that follows; whatever that reads as, bytes are left over.
     quad[body] = 2;
-    let left_over = |warning: &Warning| matches!(warning, Warning::TrailingBytes { .. });
+    let left_over = |warning: &ReadWarning| matches!(warning, ReadWarning::TrailingBytes { .. });
     assert!(try_read("a.ply", &quad).map_or(true, |loaded| loaded.warnings.iter().any(left_over)));
 }
 

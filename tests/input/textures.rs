@@ -4,8 +4,8 @@ use glam::Vec2;
 use serde_json::json;
 use std::io::Cursor;
 use std::path::Path;
-use surfel::input::{self, Format, Limits, Loaded, Options, PartFate, Warning};
-use surfel::progress::Silent;
+use surfel::input::{self, Format, LoadedMesh, PartFate, ReadLimits, ReadOptions, ReadWarning};
+use surfel::progress::SilentProgress;
 use surfel::textures::{MeshTextures, NO_IMAGE, WrapMode};
 
 /// A picture of one color.
@@ -25,19 +25,19 @@ fn jpeg(width: u32, height: u32, color: [u8; 3]) -> Vec<u8> {
     out.into_inner()
 }
 
-fn load(path: &Path) -> Loaded {
-    load_with(path, &Options::default())
+fn load(path: &Path) -> LoadedMesh {
+    load_with(path, &ReadOptions::default())
 }
 
-fn load_with(path: &Path, options: &Options) -> Loaded {
-    let options = Options {
+fn load_with(path: &Path, options: &ReadOptions) -> LoadedMesh {
+    let options = ReadOptions {
         repair_faces: false,
         ..options.clone()
     };
-    input::load(path, &options, &Silent).unwrap_or_else(|error| panic!("{error}"))
+    input::load(path, &options, &SilentProgress).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn textures(loaded: &Loaded) -> &MeshTextures {
+fn textures(loaded: &LoadedMesh) -> &MeshTextures {
     let textures = loaded.mesh.textures.as_ref().unwrap();
     assert_eq!(textures.corners.len(), loaded.mesh.triangles.len());
     assert_eq!(textures.image_of.len(), loaded.mesh.triangles.len());
@@ -48,7 +48,7 @@ fn corners(textures: &MeshTextures, triangle: usize) -> [[f32; 2]; 3] {
     textures.corners[triangle].map(|corner| corner.to_array())
 }
 
-fn remarks(loaded: &Loaded) -> String {
+fn remarks(loaded: &LoadedMesh) -> String {
     let remarks: Vec<String> = loaded.warnings.iter().map(|w| w.to_string()).collect();
     remarks.join("\n")
 }
@@ -102,9 +102,9 @@ fn obj_materials_with_images_found_whatever_the_path() {
     let corner = loaded.mesh.triangles[3][0] as usize;
     assert_eq!(loaded.mesh.colors[corner], [0, 255, 0, 255]);
 
-    let without = Options {
+    let without = ReadOptions {
         textures: false,
-        ..Options::default()
+        ..ReadOptions::default()
     };
     let loaded = load_with(&path, &without);
     assert_eq!(loaded.mesh.textures, None);
@@ -364,18 +364,19 @@ fn images_beyond_the_budget_are_kept_smaller_and_it_is_said() {
         format!("mtllib m.mtl\nusemtl m\n{POINTS}{PLACES}f 1/1 2/2 3/3\n"),
     )
     .unwrap();
-    let options = Options {
-        limits: Limits {
+    let options = ReadOptions {
+        limits: ReadLimits {
             texture_bytes: 4 * (32 * 16 + 16 * 8 + 8 * 4 + 4 * 2 + 2 + 1),
-            ..Limits::default()
+            ..ReadLimits::default()
         },
-        ..Options::default()
+        ..ReadOptions::default()
     };
     let loaded = load_with(&path, &options);
     let image = &textures(&loaded).images[0];
     assert_eq!((image.size(), image.file_size()), ([32, 16], [64, 32]));
     assert!(image.bytes() <= options.limits.texture_bytes);
-    let reduced = |warning: &Warning| matches!(warning, Warning::TexturesReduced { count: 1, .. });
+    let reduced =
+        |warning: &ReadWarning| matches!(warning, ReadWarning::TexturesReduced { count: 1, .. });
     assert!(loaded.warnings.iter().any(reduced), "{}", remarks(&loaded));
 }
 
@@ -384,7 +385,7 @@ fn images_beyond_the_budget_are_kept_smaller_and_it_is_said() {
 fn damaged_files_with_textures_never_panic() {
     let picture = png(3, 5, [200, 255, 0]);
     let whole = gltf(&picture, json!({"index": 0, "texCoord": 1}), [1.0; 3]);
-    let sound = |loaded: &Loaded| {
+    let sound = |loaded: &LoadedMesh| {
         if let Some(own) = &loaded.mesh.textures {
             assert_eq!(own.corners.len(), loaded.mesh.triangles.len());
             assert_eq!(own.image_of.len(), loaded.mesh.triangles.len());

@@ -2,8 +2,8 @@
 
 use crate::scene::*;
 use glam::DVec3;
-use surfel::image::{Accumulator, Image, compare, jittered};
-use surfel::pack::Style;
+use surfel::image::{Image, PictureAccumulator, compare, jittered};
+use surfel::pack::PrimitiveStyle;
 use surfel::render::PictureOutputs;
 use surfel::render::reference::render;
 
@@ -30,12 +30,12 @@ fn the_mean_of_jittered_pictures_is_the_covered_area() {
                 at(-1000.0, -5000.0, 3.0),
             ],
         ]);
-        let mut sum = Accumulator::new();
+        let mut sum = PictureAccumulator::new();
         for i in 0..16 {
             let image = render(
                 &jittered(&view, i, 4),
                 &model.list(),
-                &Style::default(),
+                &PrimitiveStyle::default(),
                 PictureOutputs::default(),
             );
             sum.add(&image).unwrap();
@@ -44,7 +44,7 @@ fn the_mean_of_jittered_pictures_is_the_covered_area() {
         let single = render(
             &view,
             &model.list(),
-            &Style::default(),
+            &PrimitiveStyle::default(),
             PictureOutputs::default(),
         );
         let (mut largest, mut largest_single): (f64, f64) = (0.0, 0.0);
@@ -77,7 +77,7 @@ fn comparing_pictures_sees_a_moved_sphere() {
         render(
             &sphere_view(3.0, 200),
             &model.list(),
-            &Style::default(),
+            &PrimitiveStyle::default(),
             PictureOutputs::default(),
         )
     };

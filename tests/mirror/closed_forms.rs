@@ -4,7 +4,7 @@ use crate::scene::*;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use std::sync::LazyLock;
-use surfel::pack::Style;
+use surfel::pack::PrimitiveStyle;
 use surfel::render::reference::render;
 
 /// A million triangles, as in the conventions; the chords lie at most 1e-5 below the sphere.
@@ -29,7 +29,7 @@ fn a_sphere_has_the_closed_form_silhouette_shading_depth_and_normal() {
         (8.0, 9_350.0),
     ] {
         let view = sphere_view(d, 500);
-        let image = render(&view, &FINE_SPHERE.list(), &Style::default(), BOTH);
+        let image = render(&view, &FINE_SPHERE.list(), &PrimitiveStyle::default(), BOTH);
         let f = 250.0 / (PI / 6.0).tan();
         let radius = f / (d * d - 1.0f64).sqrt();
         // 15.1 allows half the perimeter; the lattice of a centered circle does far better.
@@ -88,7 +88,7 @@ fn depth_at_the_center_of_a_sphere_is_the_distance_less_the_radius() {
         let image = render(
             &sphere_view(d, 501),
             &FINE_SPHERE.list(),
-            &Style::default(),
+            &PrimitiveStyle::default(),
             BOTH,
         );
         let center = 250 * 501 + 250;
@@ -108,7 +108,7 @@ fn a_sphere_off_the_axis_is_the_ellipse_of_the_closed_form() {
     let image = render(
         &from_origin((600, 600), 120.0, (1.0, 5.0)),
         &model.list(),
-        &Style::default(),
+        &PrimitiveStyle::default(),
         BOTH,
     );
     let f = 300.0 / (PI / 3.0).tan();
@@ -145,7 +145,7 @@ fn a_tilted_plane_has_the_closed_form_depth_and_perspective_correct_color() {
     for v in &mut model.vertices {
         v.color = [if v.position.x > 0.0 { 255 } else { 0 }, 255, 255, 0];
     }
-    let image = render(&view, &model.list(), &Style::default(), BOTH);
+    let image = render(&view, &model.list(), &PrimitiveStyle::default(), BOTH);
     let mut checked = 0;
     for (i, depth) in image
         .depth
@@ -184,7 +184,7 @@ fn a_floor_from_behind_the_eye_is_clipped_at_the_near_and_far_plane() {
             corner(-900.0, -2000.0),
         ],
     ]);
-    let image = render(&view, &model.list(), &Style::default(), BOTH);
+    let image = render(&view, &model.list(), &PrimitiveStyle::default(), BOTH);
     let mut covered = 0;
     for (i, depth) in image.depth.iter().enumerate() {
         let down = ((i / 300) as f64 + 0.5 - 100.0) / f;

@@ -5,8 +5,8 @@ use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use surfel::abi::Splat;
 use surfel::generate::{GeneratedShape, ShapeSpec};
-use surfel::pack::{DrawList, Style};
-use surfel::progress::Silent;
+use surfel::pack::{DrawList, PrimitiveStyle};
+use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::reference::render;
@@ -32,7 +32,7 @@ fn squares_cover_exactly_the_centers_in_their_half_open_extent() {
                     at(right, top, 3.0),
                 ],
             ]);
-            let got = coverage(&draw_flat(&model.list(), &Style::default()));
+            let got = coverage(&draw_flat(&model.list(), &PrimitiveStyle::default()));
             for (i, got) in got.iter().enumerate() {
                 let (x, y) = ((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5);
                 let inside = (left..right).contains(&x) && (top..bottom).contains(&y);
@@ -71,7 +71,10 @@ fn triangles_around_a_point_cover_every_pixel_once() {
             let (a, b) = (rim[i], rim[(i + 1) % rim.len()]);
             let hub = at(center.0, center.1, 2.0);
             let triangle = if i % 2 == 0 { [hub, a, b] } else { [b, a, hub] };
-            let image = draw_flat(&Model::from_corners(&[triangle]).list(), &Style::default());
+            let image = draw_flat(
+                &Model::from_corners(&[triangle]).list(),
+                &PrimitiveStyle::default(),
+            );
             for (count, covered) in count.iter_mut().zip(coverage(&image)) {
                 *count += covered;
             }
@@ -96,9 +99,9 @@ fn points_cover_the_half_open_square_of_their_size() {
             );
             let points = [vertex(at(cx, cy, 5.0))];
             let splats = [splat(at(cx, cy, 5.0), 0.0)];
-            let style = Style {
+            let style = PrimitiveStyle {
                 splat_size_px: size,
-                ..Style::default()
+                ..PrimitiveStyle::default()
             };
             let as_point = draw_flat(
                 &DrawList {
@@ -130,10 +133,10 @@ fn points_cover_the_half_open_square_of_their_size() {
 /// With 4 binary places a pixel is covered as with 8 where corners and centers are rounded to 1/16 before.
 #[test]
 fn a_coarse_grid_is_a_fine_one_with_rounded_places() {
-    let places = |bits| Style {
+    let places = |bits| PrimitiveStyle {
         splat_size_px: 1.0 + 3.0 / 16.0,
         subpixel_bits: bits,
-        ..Style::default()
+        ..PrimitiveStyle::default()
     };
     let rounded = |p: [f32; 2]| p.map(|c| (c * 16.0).round() / 16.0);
     let mut state = 1u32;
@@ -172,7 +175,7 @@ fn a_coarse_grid_is_a_fine_one_with_rounded_places() {
 fn an_engine_snaps_to_the_grid_it_is_told() {
     let spec = ShapeSpec::with_triangles(GeneratedShape::Sphere, 2000).unwrap();
     let mesh = surfel::generate::mesh(&spec);
-    let model = build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let model = build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let view = sphere_view(3.0, 128);
     for method in [Method::Triangles, Method::Pop] {
         let settings = Settings {
@@ -215,7 +218,7 @@ fn a_splat_with_a_radius_has_its_projected_diameter_and_the_depth_of_its_center(
             splats: &splats,
             ..DrawList::default()
         };
-        let image = render(&view, &list, &Style::default(), BOTH);
+        let image = render(&view, &list, &PrimitiveStyle::default(), BOTH);
         let side = (2.0 * f * radius / z).max(1.0);
         let covered = (image.covered_pixels() as f32).sqrt();
         assert!((covered - side).abs() <= 1.0, "{covered} of {side} px");
@@ -227,16 +230,16 @@ fn a_splat_with_a_radius_has_its_projected_diameter_and_the_depth_of_its_center(
         splats: &splats,
         ..DrawList::default()
     };
-    let image = render(&view, &list, &Style::default(), BOTH);
+    let image = render(&view, &list, &PrimitiveStyle::default(), BOTH);
     let right = 200.0 - f64::from(f) * 2.0 / 5.0;
     assert_eq!(image.covered_pixels() as f64, (right - 0.5).ceil() * 400.0);
 }
 
 #[test]
 fn pixels_without_a_surface_show_the_background() {
-    let style = Style {
+    let style = PrimitiveStyle {
         background: [1.0, 0.5, 0.1],
-        ..Style::default()
+        ..PrimitiveStyle::default()
     };
     let image = draw_flat(&DrawList::default(), &style);
     assert!(image.color.iter().all(|c| *c == [255, 128, 26, 0]));
@@ -259,7 +262,7 @@ fn degenerate_input_changes_nothing() {
             splats: &splats,
             ..sound.list()
         },
-        &Style::default(),
+        &PrimitiveStyle::default(),
     );
     let mut model = sound.clone();
     let base = model.vertices.len() as u32;
@@ -290,7 +293,7 @@ fn degenerate_input_changes_nothing() {
         splats: &splats,
         ..model.list()
     };
-    assert_eq!(draw_flat(&list, &Style::default()), expected);
+    assert_eq!(draw_flat(&list, &PrimitiveStyle::default()), expected);
     // A huge splat in front hides all, a huge triangle too.
     let huge = [splat(at(32.0, 32.0, 1.0), 1e30)];
     let list = DrawList {
@@ -298,14 +301,14 @@ fn degenerate_input_changes_nothing() {
         ..model.list()
     };
     assert_eq!(
-        draw_flat(&list, &Style::default()).covered_pixels(),
+        draw_flat(&list, &PrimitiveStyle::default()).covered_pixels(),
         64 * 64
     );
     let e = 1e12;
     let huge =
         Model::from_corners(&[[at(-e, -e, 1.0), at(-e, 3.0 * e, 1.0), at(3.0 * e, -e, 1.0)]]);
     assert_eq!(
-        draw_flat(&huge.list(), &Style::default()).covered_pixels(),
+        draw_flat(&huge.list(), &PrimitiveStyle::default()).covered_pixels(),
         64 * 64
     );
 }
@@ -329,7 +332,7 @@ fn the_picture_does_not_depend_on_the_number_of_threads() {
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| render(&view, &list, &Style::default(), BOTH))
+        pool.install(|| render(&view, &list, &PrimitiveStyle::default(), BOTH))
     };
     let one = with(1);
     assert!(one.covered_pixels() > 1000);

@@ -5,9 +5,9 @@ use surfel::abi::FilteredSplat;
 use surfel::cut::{self, Cut, CutSelector};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::pack::filtered::{Shade, drawn_counts, splat_count, splats, take_triangles};
+use surfel::pack::filtered::{FilteredShade, drawn_counts, splat_count, splats, take_triangles};
 use surfel::pack::{ALBEDO, ColorBy};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::tree::{BuildOptions, Model, build};
 
 /// A grid of n by n unit cells in the plane z = 0.
@@ -25,7 +25,7 @@ fn grid(n: u32) -> Mesh {
 }
 
 fn model(mesh: Mesh) -> Model {
-    build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Facing the middle of a grid of 40 cells from such a distance that a unit is `unit_px` pixels there.
@@ -40,7 +40,7 @@ fn facing(unit_px: f64) -> View {
         .unwrap()
 }
 
-const SHADE: Shade = Shade {
+const SHADE: FilteredShade = FilteredShade {
     side_px: 1.0,
     max_size_px: 64.0,
     splats_only: false,
@@ -49,12 +49,12 @@ const SHADE: Shade = Shade {
     use_colors: true,
     color_by: ColorBy::Shading,
     depth_range: [0.0, 1.0],
-    light: surfel::pack::Lighting::Headlight,
+    light: surfel::pack::SurfaceLighting::Headlight,
     cut_view: None,
 };
 
 /// The splats of a model, and how many triangles are left.
-fn packed(model: &Model, view: &View, shade: Shade) -> (Vec<FilteredSplat>, usize) {
+fn packed(model: &Model, view: &View, shade: FilteredShade) -> (Vec<FilteredSplat>, usize) {
     let mut cut = Cut::default();
     let settings = cut::CutSettings {
         threshold_px: 1.0,
@@ -73,7 +73,7 @@ fn packed(model: &Model, view: &View, shade: Shade) -> (Vec<FilteredSplat>, usiz
 #[test]
 fn areas_add_up_to_that_of_a_plane() {
     let mesh = grid(40);
-    let only = Shade {
+    let only = FilteredShade {
         splats_only: true,
         ..SHADE
     };

@@ -4,9 +4,9 @@ use glam::{DMat4, DVec3, DVec4, Vec3};
 use std::f64::consts::{PI, TAU};
 use surfel::abi::{Splat, Vertex};
 use surfel::image::Image;
-use surfel::math::camera::{Camera, Light, View};
+use surfel::math::camera::{Camera, HeadlightSource, View};
 use surfel::math::octahedral;
-use surfel::pack::{DrawList, Style};
+use surfel::pack::{DrawList, PrimitiveStyle};
 use surfel::render::PictureOutputs;
 use surfel::render::reference::render;
 
@@ -112,7 +112,7 @@ pub(crate) fn flat_view() -> View {
             DVec4::new(-1.0, -1.0, 0.0, 1.0),
         ),
         y_down: false,
-        light: Light::Point,
+        light: HeadlightSource::Point,
         other: serde_json::Map::new(),
     };
     camera.view(DVec3::ZERO).unwrap()
@@ -123,7 +123,7 @@ pub(crate) fn at(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3::new(x, 64.0 - y, -z)
 }
 
-pub(crate) fn draw_flat(list: &DrawList, style: &Style) -> Image {
+pub(crate) fn draw_flat(list: &DrawList, style: &PrimitiveStyle) -> Image {
     render(&flat_view(), list, style, BOTH)
 }
 

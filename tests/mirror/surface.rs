@@ -4,9 +4,9 @@ use crate::scene::*;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use surfel::abi::{Splat, Vertex};
-use surfel::math::camera::{Camera, Light, View};
+use surfel::math::camera::{Camera, HeadlightSource, View};
 use surfel::math::octahedral;
-use surfel::pack::{ColorBy, DrawList, Style};
+use surfel::pack::{ColorBy, DrawList, PrimitiveStyle};
 use surfel::render::PictureOutputs;
 use surfel::render::reference::render;
 
@@ -26,7 +26,7 @@ fn nearer_wins_and_the_first_drawn_wins_ties() {
             splats,
             ..triangles.list()
         };
-        draw_flat(&list, &Style::default()).color[10 * 64 + 10]
+        draw_flat(&list, &PrimitiveStyle::default()).color[10 * 64 + 10]
     };
     let none = Model::default();
     assert_eq!(pixel(&[red(5.0)], &[green(5.0)], &none), [0, 204, 0, 255]);
@@ -63,8 +63,13 @@ fn splats_before_the_near_and_behind_the_far_plane_are_dropped() {
             splats: &splats,
             ..DrawList::default()
         };
-        let covered =
-            render(&view, &list, &Style::default(), PictureOutputs::default()).covered_pixels();
+        let covered = render(
+            &view,
+            &list,
+            &PrimitiveStyle::default(),
+            PictureOutputs::default(),
+        )
+        .covered_pixels();
         assert_eq!(covered, u64::from(is_drawn), "distance {z}");
     }
 }
@@ -78,7 +83,7 @@ fn shading_follows_the_style() {
         color: [255, 51, 0, 255],
         ..splat(at(10.5, 10.5, 5.0), 0.0)
     };
-    let color = |surfel: Splat, style: Style| {
+    let color = |surfel: Splat, style: PrimitiveStyle| {
         let splats = [surfel];
         let list = DrawList {
             splats: &splats,
@@ -86,12 +91,12 @@ fn shading_follows_the_style() {
         };
         draw_flat(&list, &style).color[10 * 64 + 10]
     };
-    let plain = Style::default();
+    let plain = PrimitiveStyle::default();
     assert_eq!(color(surfel, plain), [102, 20, 0, 255]);
     assert_eq!(
         color(
             surfel,
-            Style {
+            PrimitiveStyle {
                 use_colors: false,
                 ..plain
             }
@@ -101,14 +106,14 @@ fn shading_follows_the_style() {
     assert_eq!(
         color(
             surfel,
-            Style {
+            PrimitiveStyle {
                 two_sided: false,
                 ..plain
             }
         ),
         [0, 0, 0, 255]
     );
-    let by_kind = Style {
+    let by_kind = PrimitiveStyle {
         color_by: ColorBy::Primitive,
         ..plain
     };
@@ -121,7 +126,7 @@ fn shading_follows_the_style() {
     assert_eq!(
         color(
             without_normal,
-            Style {
+            PrimitiveStyle {
                 two_sided: false,
                 ..plain
             }
@@ -145,20 +150,25 @@ fn the_point_light_is_in_the_eye_and_the_directional_one_along_the_view() {
         ..DrawList::default()
     };
     let level = |view: &View| {
-        let image = render(view, &list, &Style::default(), PictureOutputs::default());
+        let image = render(
+            view,
+            &list,
+            &PrimitiveStyle::default(),
+            PictureOutputs::default(),
+        );
         image.color.iter().find(|c| c[3] > 0).unwrap()[0]
     };
     let cosine = 4.0 / Vec3::new(2.01, 0.01, 4.0).length();
     assert_eq!(level(&view), (255.0 * 0.8 * cosine + 0.5).floor() as u8);
-    view.light = Light::Directional;
+    view.light = HeadlightSource::Directional;
     assert_eq!(level(&view), 204);
 }
 
 #[test]
 fn back_faces_are_culled_by_what_the_eye_sees() {
-    let culling = Style {
+    let culling = PrimitiveStyle {
         cull_back_faces: true,
-        ..Style::default()
+        ..PrimitiveStyle::default()
     };
     // A closed sphere loses nothing; turned inside out it shows its far side.
     let outside = sphere(DVec3::ZERO, 60, 30);
@@ -168,7 +178,7 @@ fn back_faces_are_culled_by_what_the_eye_sees() {
     }
     let view = sphere_view(3.0, 200);
     let center = 100 * 200 + 100;
-    let all = render(&view, &outside.list(), &Style::default(), BOTH);
+    let all = render(&view, &outside.list(), &PrimitiveStyle::default(), BOTH);
     assert_eq!(render(&view, &outside.list(), &culling, BOTH), all);
     let far_side = render(&view, &inside.list(), &culling, BOTH);
     assert!(
@@ -205,7 +215,7 @@ fn normals_are_normalized_after_interpolation_and_unknown_ones_do_not_count() {
     let tilted = |x: f32| octahedral::encode(Vec3::new(x, 0.0, 1.0));
     let mut wall =
         Model::from_corners(&[[at(0.0, 0.5, 2.0), at(30.5, 60.0, 2.0), at(61.0, 0.5, 2.0)]]);
-    let shown = |model: &Model| draw_flat(&model.list(), &Style::default());
+    let shown = |model: &Model| draw_flat(&model.list(), &PrimitiveStyle::default());
     // Left and right lean apart by 45 degrees each; the middle of the top edge faces the light.
     wall.vertices[0].normal = tilted(-1.0);
     wall.vertices[2].normal = tilted(1.0);

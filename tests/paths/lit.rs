@@ -4,7 +4,7 @@ use super::{passes, pictures};
 use glam::DVec3;
 use surfel::math::camera::View;
 use surfel::pack::lit_sphere::LitSphere;
-use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
+use surfel::pack::{ColorBy, Lamp, Phong, SurfaceLighting};
 use surfel::render::engine::Engine;
 use surfel::render::{Path, Settings, SplatKind};
 
@@ -17,12 +17,15 @@ pub(crate) fn assert_same(theirs: &mut Engine<'_>, ours: &mut Engine<'_>, view: 
     };
     for splat in [SplatKind::Square, SplatKind::Disc, SplatKind::Filtered] {
         for (light, color_by) in [
-            (Lighting::Phong(Phong::default()), ColorBy::Shading),
-            (Lighting::Phong(at_a_point), ColorBy::Primitive),
-            (Lighting::Sphere(LitSphere::Porcelain), ColorBy::Shading),
-            (Lighting::Headlight, ColorBy::Level),
-            (Lighting::Headlight, ColorBy::Normal),
-            (Lighting::Headlight, ColorBy::Depth),
+            (SurfaceLighting::Phong(Phong::default()), ColorBy::Shading),
+            (SurfaceLighting::Phong(at_a_point), ColorBy::Primitive),
+            (
+                SurfaceLighting::Sphere(LitSphere::Porcelain),
+                ColorBy::Shading,
+            ),
+            (SurfaceLighting::Headlight, ColorBy::Level),
+            (SurfaceLighting::Headlight, ColorBy::Normal),
+            (SurfaceLighting::Headlight, ColorBy::Depth),
         ] {
             for threshold_px in [1.0, 3.5] {
                 let settings = Settings {

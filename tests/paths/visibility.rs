@@ -4,7 +4,7 @@ use super::common::{self, Device, generated, orbit};
 use super::{assert_same, assert_ways, built, colored_cloud, draw, passes, pictures, visible};
 use surfel::generate::GeneratedShape;
 use surfel::image::Image;
-use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::pack::{ColorBy, Phong, SurfaceLighting};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Culling, Method, Path, Reconstruction, Settings};
@@ -92,7 +92,7 @@ fn visibility_splats_are_the_same_in_every_light_projection_and_color() {
             by(ColorBy::Normal),
             by(ColorBy::Level),
             Settings {
-                light: Lighting::Phong(Phong::default()),
+                light: SurfaceLighting::Phong(Phong::default()),
                 ..plain
             },
             Settings {

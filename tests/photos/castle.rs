@@ -7,14 +7,14 @@ use surfel::photos::scene::PhotoScene;
 use surfel::photos::score::{PhotoJudge, ladder};
 use surfel::photos::session::{PhotoSession, SessionOptions};
 use surfel::photos::surface::{SurfaceDrawer, calibrated_camera, renderer_camera};
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::engine::Backend;
 use surfel::tree::Model;
 
 fn castle() -> Option<(PhotoScene, Model)> {
     let scene = read_scene(&real_file("photos/sceaux/scene.mvs")?, None).unwrap();
     let mesh = real_file("photos/sceaux/scene_mesh.ply")?;
-    let model = surfel::open(mesh, &Default::default(), &Silent)
+    let model = surfel::open(mesh, &Default::default(), &SilentProgress)
         .unwrap()
         .model;
     Some((scene, model))
@@ -29,7 +29,7 @@ fn session<'m>(scene: &'m PhotoScene, model: &'m Model) -> Result<PhotoSession<'
         scene,
         SurfaceDrawer::new(&Backend::Cpu, model),
         options,
-        &Silent,
+        &SilentProgress,
     )
 }
 

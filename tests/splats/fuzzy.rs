@@ -6,8 +6,8 @@ use crate::oracle::{draw, same};
 use glam::DVec3;
 use surfel::generate::GeneratedShape;
 use surfel::math::camera::Camera;
-use surfel::pack::{Lamp, Lighting, Phong};
-use surfel::progress::Silent;
+use surfel::pack::{Lamp, Phong, SurfaceLighting};
+use surfel::progress::SilentProgress;
 use surfel::render::engine::Backend;
 use surfel::render::{Blend, Culling, Method, Settings, Shading, SplatKind, SumFormat};
 use surfel::tree::{self, BuildOptions, Model};
@@ -80,7 +80,7 @@ fn device_and_mirror_light_means_with_a_lamp_alike() {
     let statue = generated(GeneratedShape::Statue, 30_000);
     let open = generated(GeneratedShape::Square, 2_000);
     for lamp in LAMPS {
-        let light = Lighting::Phong(Phong {
+        let light = SurfaceLighting::Phong(Phong {
             lamp,
             ..Phong::default()
         });
@@ -138,7 +138,7 @@ fn clouds_parallel_views_and_an_eye_inside_alike() {
     let spec = surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Statue, 4_000).unwrap();
     let mut cloud = surfel::generate::mesh(&spec);
     cloud.triangles.clear();
-    let cloud = tree::build(cloud, &BuildOptions::default(), &Silent).unwrap();
+    let cloud = tree::build(cloud, &BuildOptions::default(), &SilentProgress).unwrap();
     let statue = generated(GeneratedShape::Statue, 10_000);
     let mut camera = Camera::look_at(
         (90, 80),
@@ -235,7 +235,7 @@ fn plain_cloud(shape: GeneratedShape, triangles: u64) -> Model {
     mesh.triangles.clear();
     mesh.normals.clear();
     mesh.colors = vec![[200, 150, 100, 255]; mesh.positions.len()];
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// methods.md 15.6: a surface of one color is that color wherever anything is shown.
@@ -371,7 +371,7 @@ fn sums_of_thousands() {
     };
     mesh.positions.push(glam::Vec3::X);
     mesh.colors.push([230, 100, 10, 255]);
-    let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let view = orbit(&model, (60, 60), 0.0, 0.0, 0.7);
     for (sums, most) in [(SumFormat::Float, 1), (SumFormat::Half, 80)] {
         for kind in [SplatKind::Disc, SplatKind::Gauss] {

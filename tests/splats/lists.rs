@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use surfel::abi::{Splat, WeightedSplat};
 use surfel::math::camera::{Camera, View};
 use surfel::math::octahedral;
-use surfel::pack::{Footprint, FuzzyList, Style};
+use surfel::pack::{Footprint, FuzzyList, PrimitiveStyle};
 use surfel::render::PictureOutputs;
 use surfel::render::reference::{BlendPasses, FuzzyRendering, render_fuzzy};
 
@@ -34,16 +34,16 @@ fn splat(center: Vec3, radius: f32, normal: Vec3, color: [u8; 3]) -> WeightedSpl
     }
 }
 
-fn gauss() -> Style {
-    Style {
+fn gauss() -> PrimitiveStyle {
+    PrimitiveStyle {
         footprint: Footprint::Oriented,
         is_gauss: true,
         depth_offset: 1.0,
-        ..Style::default()
+        ..PrimitiveStyle::default()
     }
 }
 
-fn render(splats: &[WeightedSplat], style: &Style, passes: BlendPasses) -> FuzzyRendering {
+fn render(splats: &[WeightedSplat], style: &PrimitiveStyle, passes: BlendPasses) -> FuzzyRendering {
     let list = FuzzyList {
         splats,
         ..FuzzyList::default()
@@ -100,7 +100,7 @@ fn weights_of_areas_add_up_to_the_area() {
     ] {
         let mut one = splat(Vec3::new(0.3, 0.2, -20.0), 4.0, normal, [255; 3]);
         one.area = 30.0;
-        let style = Style {
+        let style = PrimitiveStyle {
             low_pass_px,
             ..gauss()
         };

@@ -7,7 +7,7 @@ use glam::DVec3;
 use surfel::generate::GeneratedShape;
 use surfel::math::camera::Camera;
 use surfel::mesh::Mesh;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::{Blend, Culling, Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -67,7 +67,7 @@ fn device_and_mirror_draw_every_kind_alike() {
 }
 
 fn build(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 #[test]

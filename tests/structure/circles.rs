@@ -8,7 +8,6 @@ const OVERDUE: &[&str] = &[
     "src/cut/batch.rs",
     "src/cut/coherent.rs",
     "src/input/ply/columns.rs",
-    "src/input/ply/fixed.rs",
     "src/pack/filtered.rs",
     "src/pack/parallel.rs",
     "src/pack/small_triangles.rs",

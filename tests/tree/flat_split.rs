@@ -1,6 +1,6 @@
 //! Trees whose triangles are divided so that nodes are flat.
 
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::tree::{BuildOptions, Model, SplitRule, build, check};
 
 fn models(spec: &str) -> [Model; 2] {
@@ -10,7 +10,7 @@ fn models(spec: &str) -> [Model; 2] {
             split,
             ..BuildOptions::default()
         };
-        build(mesh, &options, &Silent).unwrap()
+        build(mesh, &options, &SilentProgress).unwrap()
     })
 }
 
@@ -62,7 +62,7 @@ fn sheets_are_kept_apart() {
             split,
             ..BuildOptions::default()
         };
-        let model = build(mesh.clone(), &options, &Silent).unwrap();
+        let model = build(mesh.clone(), &options, &SilentProgress).unwrap();
         let height = |corner: u32| model.vertices[corner as usize].position.z;
         let is_mixed = |node: &u32| {
             let leaves = model.tree.leaf_range(*node);

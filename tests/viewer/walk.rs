@@ -6,7 +6,7 @@ use std::path::Path;
 use surfel::cut::{Cut, CutSelector};
 use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::math::camera::View;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 use surfel::render::{LARGEST_COMPUTE_BLENDED_PX, LARGEST_COMPUTE_SQUARE_PX, Settings, cut_key};
 use surfel::tree::{self, BuildOptions, Model, OrbitSphere};
 use surfel::viewer::camera::OrbitCamera;
@@ -264,7 +264,7 @@ fn drive(
             };
             let told = match device.tells_parts {
                 true => took,
-                // The host's clock is always there.
+                // The processor's clock is always there.
                 false => TimeTaken {
                     picture_ms: 0.0,
                     draw_ms: took.picture_ms + took.draw_ms,
@@ -289,7 +289,7 @@ fn drive(
 fn statue() -> Model {
     let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 200_000).unwrap();
     let mesh = surfel::generate::mesh(&spec);
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What the calibration draws, and the lines that it puts through the times.
 
-use super::{Error, split};
+use super::{BenchError, split};
 use crate::chart::run::orbit;
 use crate::cut::{Cut, CutSelector};
 use crate::generate::{self, GeneratedShape, ShapeSpec};
@@ -8,7 +8,7 @@ use crate::gpu::Gpu;
 use crate::gpu::device::DeviceKind;
 use crate::math::camera::View;
 use crate::mesh::Mesh;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::render::PictureOutputs;
 use crate::render::cost::model::{
     DrawCosts, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PerRasterizer, PrimitiveCosts, SIZES_PX,
@@ -40,8 +40,8 @@ struct StandStage {
 }
 
 impl StandStage {
-    fn new(gpu: &Arc<Gpu>, mesh: Mesh) -> Result<Self, Error> {
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
+    fn new(gpu: &Arc<Gpu>, mesh: Mesh) -> Result<Self, BenchError> {
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress)?;
         let scene = DeviceScene::new(gpu, &model)?;
         Ok(Self { model, scene })
     }
@@ -49,7 +49,7 @@ impl StandStage {
 
 /// One view drawn in one way.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Drawn {
+pub(super) struct DrawnView {
     /// Nanoseconds of the passes over primitives: those over splats, or those over triangles; on a graphics card with the
     /// packing of their list.
     pub(super) primitives_ns: f64,
@@ -62,7 +62,7 @@ pub(super) struct Drawn {
     pub(super) of_box: f64,
 }
 
-impl Drawn {
+impl DrawnView {
     fn all_ns(&self) -> f64 {
         self.primitives_ns + self.pixels_ns
     }
@@ -71,24 +71,24 @@ impl Drawn {
 /// Next to nothing, drawn with a small box and with a large one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct EmptyFrames {
-    pub(super) far: Drawn,
-    pub(super) wide: Drawn,
+    pub(super) far: DrawnView,
+    pub(super) wide: DrawnView,
 }
 
 impl EmptyFrames {
     /// What of `ns` grows with the box, for each of its pixels.
-    fn box_ns(&self, ns: impl Fn(&Drawn) -> f64) -> f64 {
+    fn box_ns(&self, ns: impl Fn(&DrawnView) -> f64) -> f64 {
         let more = ns(&self.wide) - ns(&self.far);
         (more / (self.wide.of_box - self.far.of_box).max(1.0)).max(0.0)
     }
 
     /// What `ns` of a view would be without primitives.
-    fn of(&self, drawn: &Drawn, ns: impl Fn(&Drawn) -> f64) -> f64 {
+    fn of(&self, drawn: &DrawnView, ns: impl Fn(&DrawnView) -> f64) -> f64 {
         ns(&self.far) + self.box_ns(&ns) * drawn.of_box
     }
 
     /// The costs of pixels, in pictures of so many, and of a primitive of each view.
-    pub(super) fn costs(&self, views: &[Drawn], pixels: f64) -> (PassCosts, Vec<f64>) {
+    pub(super) fn costs(&self, views: &[DrawnView], pixels: f64) -> (PassCosts, Vec<f64>) {
         let mut over = 0.0;
         let mut covered = 0.0;
         let mut primitives = Vec::new();
@@ -101,7 +101,7 @@ impl EmptyFrames {
         let costs = PassCosts {
             frame_ns: self.far.primitives_ns,
             picture_ns: self.far.pixels_ns / pixels,
-            box_ns: self.box_ns(Drawn::all_ns),
+            box_ns: self.box_ns(DrawnView::all_ns),
             covered_ns: (over / f64::max(covered, 1.0)).max(0.0),
         };
         (costs, primitives)
@@ -136,7 +136,7 @@ pub(super) struct CalibrationStand {
 }
 
 impl CalibrationStand {
-    pub(super) fn new(gpu: &Arc<Gpu>) -> Result<Self, Error> {
+    pub(super) fn new(gpu: &Arc<Gpu>) -> Result<Self, BenchError> {
         // A graphics card needs more to do before its clock can tell.
         let (side, triangles) = match gpu.info().kind {
             DeviceKind::Cpu => (300, 60_000),
@@ -178,7 +178,7 @@ impl CalibrationStand {
         (sum / count.max(1.0)).exp()
     }
 
-    /// Whether something was not measured since, because time was up.
+    /// Tells whether something was not measured since, because time was up.
     pub(super) fn gave_up(&self) -> bool {
         self.gave_up
     }
@@ -193,7 +193,7 @@ impl CalibrationStand {
         is_statue: bool,
         fill: f64,
         settings: &Settings,
-    ) -> Result<Option<Drawn>, Error> {
+    ) -> Result<Option<DrawnView>, BenchError> {
         use crate::gpu::Error as E;
         let StandStage { model, scene } = if is_statue {
             &mut self.statue
@@ -201,11 +201,11 @@ impl CalibrationStand {
             &mut self.corners
         };
         let view = orbit(model, (self.side, self.side), fill, 0, 9)?;
-        let mut drawn = Drawn {
+        let mut drawn = DrawnView {
             primitives_ns: f64::INFINITY,
             pixels_ns: f64::INFINITY,
             of_box: pixels_of(&*model, &view, settings.threshold_px).of_box as f64,
-            ..Drawn::default()
+            ..DrawnView::default()
         };
         let (mut least_ms, mut most_ms) = (f64::INFINITY, 0.0f64);
         for frame in 0..=FRAMES {
@@ -248,7 +248,7 @@ impl CalibrationStand {
         Ok(Some(drawn))
     }
 
-    fn nothing(&mut self, settings: &Settings) -> Result<Option<EmptyFrames>, Error> {
+    fn nothing(&mut self, settings: &Settings) -> Result<Option<EmptyFrames>, BenchError> {
         let Some(far) = self.draw(false, FILL_OF_NOTHING, settings)? else {
             return Ok(None);
         };
@@ -257,7 +257,7 @@ impl CalibrationStand {
     }
 
     /// The statue with parts of a size.
-    fn parts(&mut self, size_px: f32, base: &Settings) -> Result<Option<Drawn>, Error> {
+    fn parts(&mut self, size_px: f32, base: &Settings) -> Result<Option<DrawnView>, BenchError> {
         let settings = Settings {
             threshold_px: size_px,
             ..*base
@@ -267,7 +267,7 @@ impl CalibrationStand {
     }
 
     /// One path of one kind of splat, and for what it costs beside the rasterizer nothing and parts of the middle size.
-    fn way(&mut self, base: &Settings) -> Result<Option<(SplatCosts, [Drawn; 3])>, Error> {
+    fn way(&mut self, base: &Settings) -> Result<Option<(SplatCosts, [DrawnView; 3])>, BenchError> {
         let Some(nothing) = self.nothing(base)? else {
             return Ok(None);
         };
@@ -290,7 +290,7 @@ impl CalibrationStand {
     pub(super) fn splats(
         &mut self,
         kind: SplatKind,
-    ) -> Result<(Option<PerRasterizer<SplatCosts>>, Option<MergeCosts>), Error> {
+    ) -> Result<(Option<PerRasterizer<SplatCosts>>, Option<MergeCosts>), BenchError> {
         self.renderer.set_costs(Some(only(true)));
         let base = |path| Settings {
             splat: kind,
@@ -328,7 +328,7 @@ impl CalibrationStand {
     }
 
     /// Points and quads.
-    pub(super) fn primitives(&mut self) -> Result<Option<PrimitiveCosts>, Error> {
+    pub(super) fn primitives(&mut self) -> Result<Option<PrimitiveCosts>, BenchError> {
         let base = Settings {
             path: Path::Raster,
             occlusion: Occlusion::Off,
@@ -352,8 +352,8 @@ impl CalibrationStand {
         Ok(Some(PrimitiveCosts { point_ns, quad_ns }))
     }
 
-    pub(super) fn triangles(&mut self) -> Result<Option<PerRasterizer<TriangleCosts>>, Error> {
-        let way = |stand: &mut Self, path| -> Result<Option<TriangleCosts>, Error> {
+    pub(super) fn triangles(&mut self) -> Result<Option<PerRasterizer<TriangleCosts>>, BenchError> {
+        let way = |stand: &mut Self, path| -> Result<Option<TriangleCosts>, BenchError> {
             let settings = Settings {
                 path,
                 threshold_px: 0.0,
@@ -384,7 +384,7 @@ impl CalibrationStand {
         Ok(any.then_some(PerRasterizer { raster, compute }))
     }
 
-    pub(super) fn node_ns(&mut self) -> Result<f64, Error> {
+    pub(super) fn node_ns(&mut self) -> Result<f64, BenchError> {
         let model = &self.statue.model;
         let view: View = orbit(model, (self.side, self.side), 1.0, 0, 9)?;
         let settings = cut_settings(&Settings::default(), model);
@@ -400,7 +400,7 @@ impl CalibrationStand {
     }
 
     /// The same by the device, of its passes `cut`; `None` where it cannot.
-    pub(super) fn device_node_ns(&mut self) -> Result<Option<f64>, Error> {
+    pub(super) fn device_node_ns(&mut self) -> Result<Option<f64>, BenchError> {
         let settings = Settings {
             cut_on: CutOn::Device,
             path: Path::Raster,
@@ -430,10 +430,10 @@ impl CalibrationStand {
 
 /// What the passes cost with the rasterizer beside over what they cost without: next to nothing far and wide, and parts of
 /// one size.
-pub(super) fn merge(with: [Drawn; 3], without: [Drawn; 3], pixels: f64) -> MergeCosts {
-    let more = |i: usize, ns: fn(&Drawn) -> f64| ns(&with[i]) - ns(&without[i]);
+pub(super) fn merge(with: [DrawnView; 3], without: [DrawnView; 3], pixels: f64) -> MergeCosts {
+    let more = |i: usize, ns: fn(&DrawnView) -> f64| ns(&with[i]) - ns(&without[i]);
     let [far, wide, parts] = with;
-    let all = |i| more(i, Drawn::all_ns);
+    let all = |i| more(i, DrawnView::all_ns);
     let box_ns = ((all(1) - all(0)) / (wide.of_box - far.of_box).max(1.0)).max(0.0);
     let own = all(2) - all(0) - box_ns * parts.of_box;
     MergeCosts {

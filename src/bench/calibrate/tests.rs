@@ -1,4 +1,4 @@
-use super::stand::{Drawn, EmptyFrames};
+use super::stand::{DrawnView, EmptyFrames};
 use super::*;
 use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::frame::PassTime;
@@ -40,8 +40,8 @@ fn passes_over_the_picture_are_told_from_those_over_primitives() {
 }
 
 /// A view of so many pixels of a box, covered pixels and primitives.
-fn at(of_box: f64, covered: f64, count: f64, primitives_ns: f64, pixels_ns: f64) -> Drawn {
-    Drawn {
+fn at(of_box: f64, covered: f64, count: f64, primitives_ns: f64, pixels_ns: f64) -> DrawnView {
+    DrawnView {
         primitives_ns,
         pixels_ns,
         count,
@@ -196,11 +196,11 @@ fn what_takes_too_long_is_given_up_and_not_tried_again() {
     let Some(gpu) = device() else { return };
     let parts = [CalibrationPart::Filtered, CalibrationPart::Primitives];
     // No time at all, and frames that would have to be the same to the nanosecond.
-    let hasty = Limits {
+    let hasty = PartLimits {
         patience: Duration::ZERO,
         ..ASKED_FOR
     };
-    let strict = Limits {
+    let strict = PartLimits {
         unsteady: 1.0,
         ..ASKED_FOR
     };

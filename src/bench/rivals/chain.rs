@@ -4,7 +4,7 @@
 //! error of a level is the sum of the errors of the steps that led to it, which bounds the distance from the model.
 
 use super::RivalLevel;
-use crate::bench::Error;
+use crate::bench::BenchError;
 use crate::mesh::Mesh;
 use crate::progress::Progress;
 use crate::tree::{self, BuildOptions, Model};
@@ -14,8 +14,8 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 const FEWEST: usize = 500;
 
 /// The chain of a model, the whole mesh first.
-pub(super) fn build(model: &Model, progress: &dyn Progress) -> Result<Vec<RivalLevel>, Error> {
-    let fail = |e: meshopt::Error| Error::Rival {
+pub(super) fn build(model: &Model, progress: &dyn Progress) -> Result<Vec<RivalLevel>, BenchError> {
+    let fail = |e: meshopt::Error| BenchError::Rival {
         name: "meshopt",
         cause: e.to_string(),
     };
@@ -31,7 +31,7 @@ pub(super) fn build(model: &Model, progress: &dyn Progress) -> Result<Vec<RivalL
     let mut last = 0.0;
     while let Some(level) = chain.last() {
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(BenchError::Cancelled);
         }
         let corners: &[u32] = bytemuck::cast_slice(&level.triangles);
         let count = level.triangles.len();
@@ -63,7 +63,7 @@ pub(super) fn build(model: &Model, progress: &dyn Progress) -> Result<Vec<RivalL
 }
 
 /// A level as a model of its own, with the vertices that it uses.
-pub(super) fn model(of: &Model, level: &RivalLevel) -> Result<Model, Error> {
+pub(super) fn model(of: &Model, level: &RivalLevel) -> Result<Model, BenchError> {
     let mut new = vec![u32::MAX; of.vertices.len()];
     let mut mesh = Mesh {
         origin: of.origin,
@@ -89,6 +89,6 @@ pub(super) fn model(of: &Model, level: &RivalLevel) -> Result<Model, Error> {
     Ok(tree::build(
         mesh,
         &BuildOptions::default(),
-        &crate::progress::Silent,
+        &crate::progress::SilentProgress,
     )?)
 }

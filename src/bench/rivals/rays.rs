@@ -5,7 +5,7 @@
 //! million triangles 41 and 30 to 35 ms where this takes 30, and up to three times as long to build.
 
 use super::RayCaster;
-use crate::bench::Error;
+use crate::bench::BenchError;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::math::octahedral;
@@ -40,11 +40,11 @@ impl std::fmt::Debug for RayScene<'_> {
 }
 
 impl<'m> RayScene<'m> {
-    pub(super) fn new(model: &'m Model) -> Result<Self, Error> {
+    pub(super) fn new(model: &'m Model) -> Result<Self, BenchError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(THREADS)
             .build()
-            .map_err(|e| Error::Rival {
+            .map_err(|e| BenchError::Rival {
                 name: "threads for rays",
                 cause: e.to_string(),
             })?;

@@ -5,8 +5,8 @@
 //! the sphere best, a vertical field of view of 60 degrees, the eye at z + 0.9 from the center of a model of bounding
 //! radius 1, the sphere's poles 30 degrees off the view axis, and the diameter over the center's depth as size.
 
-use super::{PublishedCell, PublishedSubject, Table, count, measure, ratio};
-use crate::chart::Error;
+use super::{PublishedCell, PublishedSubject, PublishedTable, count, measure, ratio};
+use crate::chart::ChartError;
 use crate::cut::SizeMetric;
 use crate::math::camera::{Camera, View};
 use crate::progress::Progress;
@@ -21,7 +21,7 @@ type BendaFrame = (f64, u64, u64);
 /// One of his models.
 #[derive(Debug)]
 pub struct BendaTable {
-    /// Its name in the thesis.
+    /// Name in the thesis.
     pub name: &'static str,
     /// Vertices, table 5.1.
     pub vertices: u64,
@@ -193,7 +193,7 @@ pub fn published(model: &Model) -> Option<&'static BendaTable> {
 }
 
 /// His window, in the eye that fits.
-fn view(model: &Model, z: u32, elevation: f64) -> Result<View, Error> {
+fn view(model: &Model, z: u32, elevation: f64) -> Result<View, ChartError> {
     let OrbitSphere { center, radius } = model.orbit_sphere();
     let radius = if radius > 0.0 { radius } else { 1.0 };
     let distance = f64::from(z) + 0.9;
@@ -230,7 +230,7 @@ pub fn tables(
     subject: &PublishedSubject<'_>,
     repeats: u32,
     progress: &dyn Progress,
-) -> Result<Vec<Table>, Error> {
+) -> Result<Vec<PublishedTable>, ChartError> {
     let model = subject.model;
     let Some(published) = published(model) else {
         return Ok(Vec::new());
@@ -285,8 +285,12 @@ pub fn tables(
     ])
 }
 
-fn sizes(published: &BendaTable, subject: &PublishedSubject<'_>, classic_ms: f64) -> Table {
-    let mut table = Table::new(
+fn sizes(
+    published: &BendaTable,
+    subject: &PublishedSubject<'_>,
+    classic_ms: f64,
+) -> PublishedTable {
+    let mut table = PublishedTable::new(
         format!(
             "Benda, tables 5.1, 5.2, 5.4, 5.6: {} ({})",
             published.name, subject.name
@@ -381,8 +385,8 @@ fn frames(
     theirs: &[BendaFrame],
     published: &BendaTable,
     ours: &dyn Fn(usize) -> (f64, (f64, crate::render::stats::FrameCounts)),
-) -> Table {
-    let mut table = Table::new(
+) -> PublishedTable {
+    let mut table = PublishedTable::new(
         format!("Benda, {title}"),
         &[
             name,
@@ -425,8 +429,8 @@ fn frames(
 }
 
 /// Figure 5.8: nodes and leaves of unit squares, which he does not print. `squares` has triangles and nodes of ours.
-pub fn squares(squares: &[(u64, u64)]) -> Table {
-    let mut table = Table::new(
+pub fn squares(squares: &[(u64, u64)]) -> PublishedTable {
+    let mut table = PublishedTable::new(
         "Benda, figure 5.8: unit square, nodes and leaves",
         &["triangles", "Benda", "surfel", "remark"],
     );

@@ -3,8 +3,10 @@
 //! No machine, no camera and no frame rate are printed, only counts and shares. His split of the Porsche by the angle test
 //! is met to 3 percent of the triangles; how he found the normals of points is not said, and decides the splats.
 
-use super::{PublishedCell, PublishedSubject, Table, count, dietz_edges, dietz_splats, measure};
-use crate::chart::Error;
+use super::{
+    PublishedCell, PublishedSubject, PublishedTable, count, dietz_edges, dietz_splats, measure,
+};
+use crate::chart::ChartError;
 use crate::chart::plot::angles::AngleLine;
 use crate::chart::run::orbit;
 use crate::progress::Progress;
@@ -30,7 +32,7 @@ pub fn tables(
     subject: &PublishedSubject<'_>,
     repeats: u32,
     progress: &dyn Progress,
-) -> Result<(Vec<Table>, Vec<AngleLine>), Error> {
+) -> Result<(Vec<PublishedTable>, Vec<AngleLine>), ChartError> {
     let model = subject.model;
     let view = orbit(model, (500, 500), 1.0, 0, 4)?;
     let (points, triangles) = (
@@ -54,7 +56,7 @@ pub fn tables(
     let measured = measure(backend, model, &cells, repeats, progress)?;
     let mut tables = Vec::new();
 
-    let mut sizes = Table::new(
+    let mut sizes = PublishedTable::new(
         format!("Dietz: {}, counts", subject.name),
         &["", "Dietz", "surfel", "remark"],
     );
@@ -86,7 +88,7 @@ pub fn tables(
         lines = edges.1;
     }
 
-    let mut levels = Table::new(
+    let mut levels = PublishedTable::new(
         format!(
             "Dietz, figure 22: levels of detail, splats a frame and speed; ours: {}",
             subject.name
@@ -123,7 +125,7 @@ pub fn tables(
     }
     tables.push(levels);
 
-    let mut speed = Table::new(
+    let mut speed = PublishedTable::new(
         format!(
             "Dietz: frame rate against triangles; ours: {}",
             subject.name

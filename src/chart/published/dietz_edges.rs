@@ -2,8 +2,8 @@
 //! their pictures are from exact ones, and what they cost.
 
 use super::dietz_holes::{bare_pixels, hole_table};
-use super::{PublishedCell, PublishedSubject, Table, count, measure, ratio};
-use crate::chart::Error;
+use super::{PublishedCell, PublishedSubject, PublishedTable, count, measure, ratio};
+use crate::chart::ChartError;
 use crate::chart::plot::angles::AngleLine;
 use crate::chart::run::orbit;
 use crate::measure::{PIXELS_PER_DEGREE, flip};
@@ -203,7 +203,7 @@ pub(super) fn tables(
     subject: &PublishedSubject<'_>,
     repeats: u32,
     progress: &dyn Progress,
-) -> Result<(Vec<Table>, Vec<AngleLine>), Error> {
+) -> Result<(Vec<PublishedTable>, Vec<AngleLine>), ChartError> {
     let model = subject.model;
     let positions: Vec<_> = model.vertices.iter().map(|v| v.position).collect();
     let surface = WeldedSurface::new(&positions, &model.triangles);
@@ -225,7 +225,7 @@ fn edge_table(
     surface: &WeldedSurface,
     repeats: u32,
     progress: &dyn Progress,
-) -> Result<(Table, Vec<AngleLine>), Error> {
+) -> Result<(PublishedTable, Vec<AngleLine>), ChartError> {
     let model = subject.model;
     let looks = looks_of(model);
     let ways = ways();
@@ -249,7 +249,7 @@ fn edge_table(
     }));
     let measured = measure(backend, model, &cells, repeats, progress)?;
     let errors = picture_errors(backend, model, &cells, progress)?;
-    let mut table = Table::new(
+    let mut table = PublishedTable::new(
         format!(
             "Dietz: {}, splats from vertices at edges, 500 x 500, mean of {VIEWS} views against 16 samples of triangles; {}",
             subject.name,
@@ -278,7 +278,7 @@ fn edge_table(
     let whole = errors[1].flip;
     for (i, ((ms, counts), error)) in measured.iter().zip(&errors).enumerate() {
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(ChartError::Cancelled);
         }
         let way = i.checked_sub(1).map(|i| &ways[i]);
         let figures = way.map(|way| surface_figures(surface, &looks, model, way, progress));
@@ -344,7 +344,7 @@ fn picture_errors(
     model: &Model,
     cells: &[PublishedCell],
     progress: &dyn Progress,
-) -> Result<Vec<WayError>, Error> {
+) -> Result<Vec<WayError>, ChartError> {
     let outputs = PictureOutputs {
         depth: true,
         ..PictureOutputs::default()
@@ -358,7 +358,7 @@ fn picture_errors(
         let exact = engine.render(&view, &cells[0].settings)?;
         for (cell, error) in cells.iter().zip(&mut errors) {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(ChartError::Cancelled);
             }
             let picture = engine.render(&view, &cell.settings)?;
             error.flip += flip(&reference, &picture, PIXELS_PER_DEGREE)?.mean / f64::from(VIEWS);
@@ -374,8 +374,8 @@ fn cone_table(
     subject: &PublishedSubject<'_>,
     surface: &WeldedSurface,
     progress: &dyn Progress,
-) -> Result<Table, Error> {
-    let mut table = Table::new(
+) -> Result<PublishedTable, ChartError> {
+    let mut table = PublishedTable::new(
         format!(
             "Dietz: {}, anchored cones of a tree over faces, {CULL_EYES} eyes",
             subject.name
@@ -402,7 +402,7 @@ fn cone_table(
         ),
     ] {
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(ChartError::Cancelled);
         }
         let found = tree.count(progress);
         table.row(vec![
@@ -413,7 +413,7 @@ fn cone_table(
         ]);
     }
     if progress.is_cancelled() {
-        return Err(Error::Cancelled);
+        return Err(ChartError::Cancelled);
     }
     Ok(table)
 }

@@ -4,9 +4,9 @@
 //! F6 sharp edges, F7 uneven spacing, F8 cones that cull what is seen, F9 cones of vertex normals.
 
 use super::dietz_holes::{OFF_DEGREES, bare, tilt, tilted};
-use super::{Table, count};
+use super::{PublishedTable, count};
 use crate::abi::Vertex;
-use crate::chart::Error;
+use crate::chart::ChartError;
 use crate::image::{Image, contact_sheet};
 use crate::math::camera::{Camera, View};
 use crate::math::octahedral;
@@ -17,7 +17,7 @@ use crate::oriented::radius::RadiusRule;
 use crate::oriented::shapes::{cube, grid, l_shape};
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
-use crate::pack::{DrawList, Style};
+use crate::pack::{DrawList, PrimitiveStyle};
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::reference::{PolygonList, render_with_polygons};
@@ -47,15 +47,15 @@ struct FailureWay {
 }
 
 /// Two ways of the thesis, and ours.
-type WaysOfFailure = Result<[FailureWay; 3], Error>;
+type WaysOfFailure = Result<[FailureWay; 3], ChartError>;
 
 /// The failures of the thesis in a row each: two ways of it and ours, bare pixels in orange and those beyond the outline in blue;
 /// and how many of both there are.
 ///
 /// # Errors
 /// When `progress` is cancelled.
-pub fn failures(progress: &dyn Progress) -> Result<(Image, Table), Error> {
-    let mut table = Table::new(
+pub fn failures(progress: &dyn Progress) -> Result<(Image, PublishedTable), ChartError> {
+    let mut table = PublishedTable::new(
         format!("Dietz: his failures, {} x {} pixels", SIZE.0, SIZE.1),
         &["", "splats", "triangles", "bare px", "beyond px", "remark"],
     );
@@ -71,7 +71,7 @@ pub fn failures(progress: &dyn Progress) -> Result<(Image, Table), Error> {
     let mut pictures = Vec::new();
     for row in rows {
         if progress.is_cancelled() {
-            return Err(Error::Cancelled);
+            return Err(ChartError::Cancelled);
         }
         for (k, way) in row()?.into_iter().enumerate() {
             let mut picture = way.scene.draw(&way.set);
@@ -101,7 +101,7 @@ impl FailureScene {
         mesh: &Mesh,
         zoom: f64,
         eye_of: impl FnOnce(&WeldedSurface) -> DVec3,
-    ) -> Result<Rc<Self>, Error> {
+    ) -> Result<Rc<Self>, ChartError> {
         let corners = mesh.triangles.iter().flatten();
         let positions: Vec<Vec3> = corners.map(|&v| mesh.positions[v as usize]).collect();
         let triangles: Vec<[u32; 3]> = (0..mesh.triangles.len() as u32)
@@ -159,9 +159,9 @@ impl FailureScene {
             depth: true,
             ..PictureOutputs::default()
         };
-        let style = Style {
+        let style = PrimitiveStyle {
             cull_back_faces: true,
-            ..Style::default()
+            ..PrimitiveStyle::default()
         };
         render_with_polygons(&self.view, &list, polygons, &style, outputs)
     }
@@ -414,11 +414,11 @@ fn cones_of_vertices() -> WaysOfFailure {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
     use super::*;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
 
     #[test]
     fn his_ways_fail_and_ours_do_not() {
-        let (sheet, table) = failures(&Silent).unwrap();
+        let (sheet, table) = failures(&SilentProgress).unwrap();
         assert!(sheet.width > 3 * SIZE.0 && sheet.height > 6 * SIZE.1);
         let is = |color: [u8; 3]| sheet.color.iter().filter(|c| c[..3] == color).count();
         let number = |row: &[String], column: usize| -> u64 {

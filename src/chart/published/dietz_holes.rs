@@ -1,8 +1,8 @@
 //! Pixels that splats leave bare, and what normals that are off do to them.
 
-use super::{PublishedSubject, Table, count};
+use super::{PublishedSubject, PublishedTable, count};
 use crate::abi::OrientedPolygon;
-use crate::chart::Error;
+use crate::chart::ChartError;
 use crate::chart::run::orbit;
 use crate::image::Image;
 use crate::math::camera::View;
@@ -11,7 +11,7 @@ use crate::oriented::radius::RadiusRule;
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
 use crate::pack::polygons::PlaneFrame;
-use crate::pack::{DrawList, Style};
+use crate::pack::{DrawList, PrimitiveStyle};
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::reference::{PolygonList, render_with_polygons};
@@ -52,7 +52,7 @@ pub(super) fn hole_table(
     subject: &PublishedSubject<'_>,
     surface: &WeldedSurface,
     progress: &dyn Progress,
-) -> Result<Table, Error> {
+) -> Result<PublishedTable, ChartError> {
     let model = subject.model;
     let usual = SplatRules::default();
     let cut = SplatRules {
@@ -73,7 +73,7 @@ pub(super) fn hole_table(
         ("whole, covering", usual),
         ("cut 5\u{b0}", cut),
     ];
-    let mut table = Table::new(
+    let mut table = PublishedTable::new(
         format!(
             "Dietz: {}, bare pixels of {HOLE_VIEWS} views of 300 x 300, with normals as they are and off by {OFF_DEGREES} degrees",
             subject.name
@@ -85,7 +85,7 @@ pub(super) fn hole_table(
         let mut cells = vec![name.to_owned()];
         for is_off in [false, true] {
             if progress.is_cancelled() {
-                return Err(Error::Cancelled);
+                return Err(ChartError::Cancelled);
             }
             let looks = if is_off { &off_looks } else { &exact_looks };
             let mut set = splats_of(surface, looks, &rules);
@@ -106,7 +106,7 @@ pub(super) fn hole_table(
     Ok(table)
 }
 
-fn bare_in_views(model: &Model, set: &SplatSet) -> Result<u64, Error> {
+fn bare_in_views(model: &Model, set: &SplatSet) -> Result<u64, ChartError> {
     let outputs = PictureOutputs {
         depth: true,
         ..PictureOutputs::default()
@@ -114,7 +114,7 @@ fn bare_in_views(model: &Model, set: &SplatSet) -> Result<u64, Error> {
     let beside: Vec<[u32; 3]> = (set.triangles.iter())
         .map(|&id| model.triangles[id as usize])
         .collect();
-    let style = Style::default();
+    let style = PrimitiveStyle::default();
     let mut bare = 0;
     for k in 0..HOLE_VIEWS {
         let view: View = orbit(model, (300, 300), 1.0, k, HOLE_VIEWS)?;

@@ -1,7 +1,7 @@
 //! Dietz's angle test beside ours, and what his splats and splats that are cut at edges make of a picture.
 
-use super::{PublishedCell, PublishedSubject, Table, count, measure};
-use crate::chart::Error;
+use super::{PublishedCell, PublishedSubject, PublishedTable, count, measure};
+use crate::chart::ChartError;
 use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::measure::{PIXELS_PER_DEGREE, coverage, flip};
@@ -32,8 +32,8 @@ struct AngleTestCounts {
 
 /// Makes a table of Dietz's counts for the Porsche beside those that his test finds here, by each rule that he may have
 /// had for the normals of points. `model` is the Porsche.
-pub(super) fn angle_test_table(model: &Model) -> Table {
-    let mut table = Table::new(
+pub(super) fn angle_test_table(model: &Model) -> PublishedTable {
+    let mut table = PublishedTable::new(
         "Dietz: Porsche, angle test, splats and triangles by threshold",
         &[
             "threshold",
@@ -111,13 +111,13 @@ pub(super) fn pictures(
     view: View,
     repeats: u32,
     progress: &dyn Progress,
-) -> Result<(Table, f64), Error> {
+) -> Result<(PublishedTable, f64), ChartError> {
     let (names, cells): (Vec<_>, Vec<_>) = looks(view).into_iter().unzip();
     let measured = measure(backend, subject.model, &cells, repeats, progress)?;
     let size = (view.width, view.height);
     let mut engine = Engine::new(backend, subject.model, size, PictureOutputs::default())?;
     let reference = engine.supersample(&view, &cells[0].settings, 4)?;
-    let mut table = Table::new(
+    let mut table = PublishedTable::new(
         format!(
             "Dietz: splats from vertices, {}, {} x {} pixels, one sample each, against 16 samples of the triangles; {}",
             subject.name,

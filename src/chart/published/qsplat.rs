@@ -3,8 +3,8 @@
 //! The table of the paper (figure 6: speed, size and preprocessing a model) is a picture whose numbers are not in the
 //! text at hand; what is compared here is what the text says.
 
-use super::{PublishedCell, PublishedSubject, Table, count, measure};
-use crate::chart::Error;
+use super::{PublishedCell, PublishedSubject, PublishedTable, count, measure};
+use crate::chart::ChartError;
 use crate::chart::run::orbit;
 use crate::progress::Progress;
 use crate::render::engine::Backend;
@@ -19,7 +19,7 @@ pub fn tables(
     subject: &PublishedSubject<'_>,
     repeats: u32,
     progress: &dyn Progress,
-) -> Result<Vec<Table>, Error> {
+) -> Result<Vec<PublishedTable>, ChartError> {
     let model = subject.model;
     let view = orbit(model, (500, 500), 1.0, 0, 4)?;
     let splats = |splat, blend, threshold_px| PublishedCell {
@@ -42,7 +42,7 @@ pub fn tables(
     ];
     let measured = measure(backend, model, &cells, repeats, progress)?;
     let leaves = model.tree.leaves.len() as f64;
-    let mut table = Table::new(
+    let mut table = PublishedTable::new(
         format!("QSplat: {} ({} leaves)", subject.name, count(leaves as u64)),
         &["", "section", "QSplat", "surfel", "remark"],
     );

@@ -15,9 +15,9 @@ const WORD: usize = 64;
 
 /// A bit for each lane of a batch.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(in crate::cut) struct Mask([u64; LANES / WORD]);
+pub(in crate::cut) struct LaneMask([u64; LANES / WORD]);
 
-impl Mask {
+impl LaneMask {
     /// All lanes or none.
     #[inline(always)]
     pub(super) fn all(are_set: bool) -> Self {
@@ -72,8 +72,8 @@ impl Mask {
 
     /// The lanes that are set, in ascending order.
     #[inline(always)]
-    pub(in crate::cut) fn lanes(self) -> Lanes {
-        Lanes {
+    pub(in crate::cut) fn lanes(self) -> MaskLanes {
+        MaskLanes {
             words: self.0,
             index: 0,
         }
@@ -91,7 +91,7 @@ impl Mask {
     }
 }
 
-impl BitAnd for Mask {
+impl BitAnd for LaneMask {
     type Output = Self;
 
     #[inline(always)]
@@ -101,7 +101,7 @@ impl BitAnd for Mask {
     }
 }
 
-impl BitOr for Mask {
+impl BitOr for LaneMask {
     type Output = Self;
 
     #[inline(always)]
@@ -111,7 +111,7 @@ impl BitOr for Mask {
     }
 }
 
-impl Not for Mask {
+impl Not for LaneMask {
     type Output = Self;
 
     #[inline(always)]
@@ -123,12 +123,12 @@ impl Not for Mask {
 
 /// Lanes of a mask.
 #[derive(Debug, Clone)]
-pub(in crate::cut) struct Lanes {
+pub(in crate::cut) struct MaskLanes {
     words: [u64; LANES / WORD],
     index: usize,
 }
 
-impl Iterator for Lanes {
+impl Iterator for MaskLanes {
     type Item = usize;
 
     #[inline(always)]
@@ -203,7 +203,7 @@ impl SiblingLanes {
 
     /// Appends the nodes or leaves in the lanes of a mask.
     #[inline(always)]
-    pub(super) fn push<S: Simd>(&mut self, simd: S, list: &mut Vec<u32>, mask: Mask) {
+    pub(super) fn push<S: Simd>(&mut self, simd: S, list: &mut Vec<u32>, mask: LaneMask) {
         if mask.is_empty() {
             return;
         }
@@ -226,8 +226,8 @@ impl SiblingLanes {
         &mut self,
         simd: S,
         open: &mut Vec<SiblingGroup>,
-        mask: Mask,
-        (inside, front): (Mask, Mask),
+        mask: LaneMask,
+        (inside, front): (LaneMask, LaneMask),
     ) {
         let Self {
             first_child,
@@ -246,7 +246,7 @@ impl SiblingLanes {
             let own = at..at + width;
             let load = |list: &[u32; LANES]| WideLanes::<S>::load_words(simd, &list[own.clone()]);
             let lanes_of = |bits: u32| S::mask32s::from_bitmask(simd, bits.into());
-            let word_if = |mask: &Mask, word: u32| {
+            let word_if = |mask: &LaneMask, word: u32| {
                 let word = S::u32s::splat(simd, word);
                 lanes_of(mask.get(at, width)).select(word, S::u32s::splat(simd, 0))
             };

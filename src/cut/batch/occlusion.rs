@@ -1,9 +1,9 @@
 //! What nearer splats hide of a batch.
 
 use crate::cut::batch::ahead::PrefetchAhead;
-use crate::cut::batch::{LANES, Mask, NodeBatch, SiblingGroup};
+use crate::cut::batch::{LANES, LaneMask, NodeBatch, SiblingGroup};
 use crate::cut::frustum_and_size::NodeTester;
-use crate::cut::occlusion::{CHUNK, Chunk, DepthMarks, OcclusionTest};
+use crate::cut::occlusion::{CHUNK, DepthMarks, OcclusionTest, SplatChunk};
 use crate::cut::strip::half_rows;
 use crate::cut::{Cut, MAX_STRIP_COUNT, StripRun};
 use crate::simd::{FloatLanes, WideLanes};
@@ -78,10 +78,10 @@ impl NodeBatch {
         &mut self,
         simd: S,
         hiding: &OcclusionTest<'_>,
-        (asked, undrawn, have_sizes): (Mask, Mask, bool),
+        (asked, undrawn, have_sizes): (LaneMask, LaneMask, bool),
         marks: &mut Vec<crate::cut::occlusion::DepthMark>,
         ahead: &mut PrefetchAhead<'_>,
-    ) -> Mask {
+    ) -> LaneMask {
         if asked.is_empty() {
             return asked;
         }
@@ -116,9 +116,9 @@ impl NodeBatch {
         if have_sizes || asks_large {
             return;
         }
-        let splats = Mask::all(hiding.is_exact());
+        let splats = LaneMask::all(hiding.is_exact());
         let asked = self.verdicts.kept & (!self.verdicts.small | splats);
-        let mut misses = Mask::default();
+        let mut misses = LaneMask::default();
         let width = WideLanes::<S>::LANES;
         for at in (0..4 * count).step_by(width) {
             let lanes = asked.get(at, width);
@@ -140,7 +140,7 @@ impl NodeBatch {
         simd: S,
         hiding: &OcclusionTest<'_>,
         groups: &[SiblingGroup],
-        always: Mask,
+        always: LaneMask,
         (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
         if !hiding.asks_splats() {
@@ -235,7 +235,7 @@ impl NodeBatch {
             true => f32::INFINITY,
             false => 0.0,
         };
-        let all = Mask::first(count);
+        let all = LaneMask::first(count);
         let width = WideLanes::<S>::LANES;
         self.chunk.clear();
         for at in (0..count).step_by(width) {
@@ -298,8 +298,8 @@ const ALONG: [f32; MAX_STRIP_COUNT as usize] = {
 
 /// What is so of the siblings of groups, where it may be of any.
 #[inline(always)]
-fn of_groups(groups: &[SiblingGroup], may_be: bool, of: impl Fn(u32) -> u8) -> Mask {
-    let mut mask = Mask::default();
+fn of_groups(groups: &[SiblingGroup], may_be: bool, of: impl Fn(u32) -> u8) -> LaneMask {
+    let mut mask = LaneMask::default();
     if may_be {
         for (index, group) in groups.iter().enumerate() {
             mask.add(4 * index, u32::from(of(group.first)));
@@ -313,7 +313,7 @@ fn of_groups(groups: &[SiblingGroup], may_be: bool, of: impl Fn(u32) -> u8) -> M
 fn keep_runs<S: Simd>(
     simd: S,
     hiding: &OcclusionTest<'_>,
-    chunk: &mut Chunk,
+    chunk: &mut SplatChunk,
     runs: &[StripRun],
     splats: usize,
     marks: &mut DepthMarks,

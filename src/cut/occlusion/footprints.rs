@@ -66,13 +66,13 @@ impl ZeroAreaSet {
         count
     }
 
-    /// Whether a node is one of them.
+    /// Tells whether a node is one of them.
     #[inline]
     pub fn has_node(&self, id: u32) -> bool {
         Self::has(&self.nodes, id)
     }
 
-    /// Whether a leaf is one of them.
+    /// Tells whether a leaf is one of them.
     #[inline]
     pub fn has_leaf(&self, id: u32) -> bool {
         Self::has(&self.leaves, id)
@@ -89,7 +89,7 @@ impl ZeroAreaSet {
         })
     }
 
-    /// Whether a node or leaf is in its list.
+    /// Tells whether a node or leaf is in its list.
     #[inline]
     fn has(list: &[u64], id: u32) -> bool {
         let word = list.get(id as usize / 64);

@@ -27,7 +27,7 @@ const NEARER: f32 = 0.999_999;
 const WIDER_PX: f32 = 0.002;
 
 /// The pixels that all within balls may have, and how near it may be.
-struct Bounds<S: Simd> {
+struct NodePixels<S: Simd> {
     /// First and end of columns, and of rows.
     ends: [S::u32s; 4],
     /// From the near plane, less the error of both sides.
@@ -72,7 +72,7 @@ impl OcclusionTest<'_> {
         behind
     }
 
-    /// Whether some pixels all have something nearer; not where there are none.
+    /// Tells whether some pixels all have something nearer; not where there are none.
     #[inline(always)]
     fn are_nearer(&self, [left, right, top, bottom]: [u32; 4], asked: u32) -> bool {
         let (pixels, width) = (self.nearest.pixels.as_slice(), self.nearest.width);
@@ -133,7 +133,7 @@ impl OcclusionTest<'_> {
 
     /// Where all is that lies in balls, and a splat of a pixel around any point of them, or a triangle of such points.
     #[inline(always)]
-    fn bounds<S: Simd>(&self, balls: &SphereLanes<WideLanes<S>>) -> Bounds<S> {
+    fn bounds<S: Simd>(&self, balls: &SphereLanes<WideLanes<S>>) -> NodePixels<S> {
         let [x, y] = self.centers.along(balls.center);
         let nearest = (balls.depth - balls.radius) * NEARER;
         let ([x, y], radius, off, error) = if self.is_perspective {
@@ -159,7 +159,7 @@ impl OcclusionTest<'_> {
         let [width, height] = self.size;
         let x = x * self.centers.focal[0] + self.centers.middle[0];
         let y = y * self.centers.focal[1] + self.centers.middle[1];
-        Bounds {
+        NodePixels {
             ends: [
                 rounded(x - reach, width),
                 rounded(x + reach, width),

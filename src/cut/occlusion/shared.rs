@@ -66,8 +66,8 @@ impl SharedDepth {
         self.questions(&tester, tests, (&self.undrawn, *SUBPIXEL_BITS.start()))
     }
 
-    /// Whether a part that lies within a sphere is wholly behind what was found so far. Its splats must not be larger than
-    /// those of `tests` by more than what is in the sphere.
+    /// Tells whether a part that lies within a sphere is wholly behind what was found so far. Its splats must not be larger
+    /// than those of `tests` by more than what is in the sphere.
     pub fn hides(&self, tests: &PartTests<'_>, sphere: WholeSphere) -> bool {
         let tester = self.tester(&Model::default(), tests);
         let bits = *SUBPIXEL_BITS.start();

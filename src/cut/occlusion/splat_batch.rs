@@ -1,7 +1,7 @@
 //! Splats that are asked for together, in stages without branches on what is hidden or where it lies: neither can be
 //! foreseen.
 
-use crate::cut::batch::{LANES, Mask};
+use crate::cut::batch::{LANES, LaneMask};
 use crate::cut::occlusion::pixel_centers::to_center;
 use crate::cut::occlusion::{DepthMark, NOTHING, OcclusionTest};
 use crate::simd::{FloatLanes, WIDEST, WideLanes};
@@ -17,11 +17,11 @@ const ROOM: usize = CHUNK + WIDEST;
 
 /// What is asked of [`crate::cut::occlusion::SoftwareDepthBuffer`] for some splats.
 #[derive(Debug)]
-pub(in crate::cut) struct Chunk {
+pub(in crate::cut) struct SplatChunk {
     ones: FrontOnes,
     /// The others that are not hidden so far.
-    others: Mask,
-    /// Their marks.
+    others: LaneMask,
+    /// Marks of the others.
     marks: [DepthMark; CHUNK],
 }
 
@@ -40,7 +40,7 @@ struct FrontOnes {
     there: [u32; ROOM],
 }
 
-impl Default for Chunk {
+impl Default for SplatChunk {
     fn default() -> Self {
         let list = [0; ROOM];
         Self {
@@ -52,18 +52,18 @@ impl Default for Chunk {
                 asked: list,
                 there: list,
             },
-            others: Mask::default(),
+            others: LaneMask::default(),
             marks: [DepthMark::HIDDEN; CHUNK],
         }
     }
 }
 
-impl Chunk {
+impl SplatChunk {
     /// Takes all splats out.
     #[inline(always)]
     pub(in crate::cut) fn clear(&mut self) {
         self.ones.len = 0;
-        self.others = Mask::default();
+        self.others = LaneMask::default();
     }
 }
 
@@ -168,7 +168,7 @@ impl OcclusionTest<'_> {
     pub(in crate::cut) fn place<S: Simd>(
         &self,
         simd: S,
-        chunk: &mut Chunk,
+        chunk: &mut SplatChunk,
         at: usize,
         splats: [WideLanes<S>; 4],
         (lanes, undrawn): (u32, u32),
@@ -221,7 +221,7 @@ impl OcclusionTest<'_> {
     #[inline(never)]
     fn place_others(
         &self,
-        chunk: &mut Chunk,
+        chunk: &mut SplatChunk,
         at: usize,
         splats: &[[f32; 16]; 4],
         (lanes, undrawn): (u32, u32),
@@ -261,11 +261,11 @@ impl OcclusionTest<'_> {
     pub(in crate::cut) fn ask<S: Simd>(
         &self,
         simd: S,
-        chunk: &mut Chunk,
+        chunk: &mut SplatChunk,
         marks: &mut Vec<DepthMark>,
-    ) -> Mask {
+    ) -> LaneMask {
         let pixels = self.nearest.pixels.as_slice();
-        let Chunk { ones, others, .. } = chunk;
+        let SplatChunk { ones, others, .. } = chunk;
         ones.keep_seen(simd, pixels);
         match self.are_pixels {
             true => ones.leave::<false>(pixels),

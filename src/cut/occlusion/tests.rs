@@ -70,7 +70,7 @@ fn seen_at(view: &View, point: Vec3) -> [f64; 3] {
 fn place<S: Simd>(
     simd: S,
     hiding: &OcclusionTest<'_>,
-    chunk: &mut Chunk,
+    chunk: &mut SplatChunk,
     (splats, lanes): (&[Vec<f32>; 4], (u32, u32)),
 ) {
     let first = |list: &Vec<f32>| WideLanes::load(simd, &list[..WideLanes::<S>::LANES]);
@@ -84,7 +84,7 @@ fn keep_nodes(
     first: u32,
     marks: &mut Vec<DepthMark>,
 ) -> u64 {
-    let mut chunk = Chunk::default();
+    let mut chunk = SplatChunk::default();
     let [x, y] = hiding.centers.along(balls.center);
     // Where splats are samples, balls that contain any center: what is left out is as for squares.
     let radius = if hiding.is_exact() {

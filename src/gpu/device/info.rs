@@ -72,7 +72,7 @@ pub struct DeviceInfo {
 }
 
 impl DeviceInfo {
-    /// Whether this is a software device: it ranks passes, it does not predict a GPU.
+    /// Tells whether this is a software device: it ranks passes, it does not predict a GPU.
     pub fn is_cpu(&self) -> bool {
         self.kind == DeviceKind::Cpu
     }

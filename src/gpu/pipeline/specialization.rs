@@ -1,6 +1,6 @@
 //! Values of specialization constants, joined to the shaders by their names.
 
-use crate::abi::{ConstantValue, Shader, specialization};
+use crate::abi::{CompiledShader, ConstantValue, specialization};
 use ash::vk;
 
 /// The values of one shader's specialization constants.
@@ -10,8 +10,8 @@ pub(super) struct SpecializedConstants {
 }
 
 impl SpecializedConstants {
-    /// Those that `shader` has of `constants`, and the flags of the frame (0: not known).
-    pub(super) fn new(shader: &Shader, constants: &[ConstantValue], flags: u32) -> Self {
+    /// Values that `shader` takes of `constants`, and the flags of the frame (0: not known).
+    pub(super) fn new(shader: &CompiledShader, constants: &[ConstantValue], flags: u32) -> Self {
         let flags = specialization::KNOWN_FLAGS.is(flags);
         let all = constants.iter().chain([&flags]);
         let found = shader.constants.iter().filter_map(|(id, name)| {
@@ -43,7 +43,11 @@ impl SpecializedConstants {
 ///
 /// # Panics
 /// When that is not so.
-pub(super) fn check_constants(pipeline: &str, shaders: &[&Shader], constants: &[ConstantValue]) {
+pub(super) fn check_constants(
+    pipeline: &str,
+    shaders: &[&CompiledShader],
+    constants: &[ConstantValue],
+) {
     let declared = || shaders.iter().flat_map(|shader| shader.constants);
     for (_, name) in declared() {
         let is_given = constants.iter().any(|constant| constant.name == *name);
@@ -70,7 +74,7 @@ mod tests {
         use crate::abi::specialization::{IS_GAUSS, IS_ORIENTED, IS_QUAD};
         let both = [IS_QUAD.is(true), IS_ORIENTED.is(false)];
         check_constants("whole", &[&SPLATS_ROUND_VERT], &both);
-        let faulty = |shader: &Shader, constants: &[ConstantValue]| {
+        let faulty = |shader: &CompiledShader, constants: &[ConstantValue]| {
             std::panic::catch_unwind(|| check_constants("faulty", &[shader], constants)).is_err()
         };
         assert!(faulty(&SPLATS_ROUND_VERT, &both[..1]));

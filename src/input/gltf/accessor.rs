@@ -1,7 +1,7 @@
 //! Accessors: typed views of buffers, strided, normalised, sparse. Every number is held against the buffer first.
 
-use super::super::job::Job;
-use super::super::{Error, Place};
+use super::super::job::ReadJob;
+use super::super::{Error, FilePlace};
 use super::document::{GltfAccessor, GltfBufferView, GltfDocument};
 
 /// Type of a component.
@@ -98,11 +98,11 @@ impl<'a> AccessorRows<'a> {
 }
 
 impl GltfStore<'_> {
-    fn fault(&self, job: &Job<'_>, accessor: usize, what: impl std::fmt::Display) -> Error {
-        job.syntax(Place::Byte(0), format!("accessor {accessor}: {what}"))
+    fn fault(&self, job: &ReadJob<'_>, accessor: usize, what: impl std::fmt::Display) -> Error {
+        job.syntax(FilePlace::Byte(0), format!("accessor {accessor}: {what}"))
     }
 
-    fn accessor(&self, job: &Job<'_>, index: usize) -> Result<&GltfAccessor, Error> {
+    fn accessor(&self, job: &ReadJob<'_>, index: usize) -> Result<&GltfAccessor, Error> {
         let found = self.document.accessors.get(index);
         found.ok_or_else(|| self.fault(job, index, "does not exist"))
     }
@@ -110,7 +110,7 @@ impl GltfStore<'_> {
     /// The bytes of a view.
     fn view(
         &self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         accessor: usize,
         index: usize,
     ) -> Result<(&[u8], &GltfBufferView), Error> {
@@ -125,7 +125,7 @@ impl GltfStore<'_> {
         match bytes {
             Some(bytes) => Ok((bytes, view)),
             None => Err(job.truncated(
-                Place::Byte(0),
+                FilePlace::Byte(0),
                 format!(
                     "buffer view {index} wants {} bytes at byte {} of buffer {}, which has {}",
                     view.byte_length,
@@ -140,7 +140,7 @@ impl GltfStore<'_> {
     /// Rows of `lanes` values at an offset of a view, held against its length.
     fn rows(
         &self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         accessor: usize,
         place: RowsPlace,
         lanes: usize,
@@ -222,7 +222,7 @@ impl GltfStore<'_> {
     /// The values of an accessor of `N` components; of one with fewer, `fill` for the missing. More are an error.
     pub(super) fn vectors<const N: usize>(
         &self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         index: usize,
         fill: f32,
     ) -> Result<Vec<[f32; N]>, Error> {
@@ -300,7 +300,7 @@ impl GltfStore<'_> {
     }
 
     /// The values of an accessor of indices.
-    pub(super) fn indices(&self, job: &Job<'_>, index: usize) -> Result<Vec<u32>, Error> {
+    pub(super) fn indices(&self, job: &ReadJob<'_>, index: usize) -> Result<Vec<u32>, Error> {
         let accessor = self.accessor(job, index)?;
         if accessor.shape != "SCALAR" || accessor.sparse.is_some() {
             return Err(self.fault(job, index, "indices are no list of single numbers"));

@@ -7,9 +7,9 @@ use std::path::{Component, Path};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::text::shown;
-use super::super::{Error, Place};
+use super::super::{Error, FilePlace};
 use super::document::GltfDocument;
 
 /// Marks of GLB and of its chunks.
@@ -24,7 +24,7 @@ pub(super) struct GltfChunks<'a> {
 }
 
 /// Divides a file into its chunks; a file without the mark is the description itself.
-pub(super) fn chunks<'a>(job: &Job<'_>, data: &'a [u8]) -> Result<GltfChunks<'a>, Error> {
+pub(super) fn chunks<'a>(job: &ReadJob<'_>, data: &'a [u8]) -> Result<GltfChunks<'a>, Error> {
     if !data.starts_with(MAGIC) {
         return Ok(GltfChunks {
             json: data,
@@ -37,7 +37,7 @@ pub(super) fn chunks<'a>(job: &Job<'_>, data: &'a [u8]) -> Result<GltfChunks<'a>
     };
     if let Some(version) = word(4).filter(|&version| version != 2) {
         let reason = format!("GLB version {version}; version 2 is read");
-        return Err(job.syntax(Place::Byte(4), reason));
+        return Err(job.syntax(FilePlace::Byte(4), reason));
     }
     let (mut json, mut binary) = (None, None);
     let mut at = 12;
@@ -46,7 +46,7 @@ pub(super) fn chunks<'a>(job: &Job<'_>, data: &'a [u8]) -> Result<GltfChunks<'a>
         let end = start + length as usize;
         let Some(chunk) = data.get(start..end) else {
             let missing = format!("a chunk of {length} bytes, {} are left", data.len() - start);
-            return Err(job.truncated(Place::Byte(at as u64), missing));
+            return Err(job.truncated(FilePlace::Byte(at as u64), missing));
         };
         match kind {
             JSON if json.is_none() => json = Some(chunk),
@@ -56,14 +56,17 @@ pub(super) fn chunks<'a>(job: &Job<'_>, data: &'a [u8]) -> Result<GltfChunks<'a>
         at = end;
     }
     let Some(json) = json else {
-        return Err(job.truncated(Place::Byte(data.len().min(12) as u64), "the description"));
+        return Err(job.truncated(
+            FilePlace::Byte(data.len().min(12) as u64),
+            "the description",
+        ));
     };
     Ok(GltfChunks { json, binary })
 }
 
 /// Gets the buffers that anything is read from.
 pub(super) fn buffers<'a>(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     document: &GltfDocument,
     binary: Option<&'a [u8]>,
 ) -> Result<Vec<Cow<'a, [u8]>>, Error> {
@@ -83,11 +86,11 @@ pub(super) fn buffers<'a>(
 }
 
 /// Gets the bytes of an address: in the address itself, or a file in the folder of the model.
-fn fetch(job: &Job<'_>, index: usize, uri: &str, length: u64) -> Result<Vec<u8>, Error> {
+fn fetch(job: &ReadJob<'_>, index: usize, uri: &str, length: u64) -> Result<Vec<u8>, Error> {
     let fault = |reason: String| {
         let name = shown(uri.as_bytes());
         job.syntax(
-            Place::Byte(0),
+            FilePlace::Byte(0),
             format!("buffer {index} (`{name}`) {reason}"),
         )
     };

@@ -18,13 +18,13 @@ use self::accessor::GltfStore;
 use self::document::{GltfDocument, GltfPrimitive};
 use self::scene::{MeshPlace, places};
 use self::texture::SceneTextures;
-use super::assemble::{Coordinates, Raw};
+use super::assemble::{FileCoordinates, RawMesh};
 use super::color::encoded_byte;
-use super::job::Job;
+use super::job::ReadJob;
 use super::part::PartFate;
 use super::polygon::PolygonRuns;
 use super::text::shown;
-use super::{Counts, Error, Format, Place, Warning};
+use super::{Error, FileCounts, FilePlace, Format, ReadWarning};
 
 /// Extensions that change nothing of what is drawn here, or are read.
 const KNOWN: [&str; 3] = [
@@ -78,19 +78,19 @@ impl CornerTopology {
 }
 
 /// Reads a glTF or GLB file.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, RawMesh), Error> {
     let chunks = container::chunks(job, data)?;
     let document: GltfDocument = serde_json::from_slice(chunks.json).map_err(|error| {
         let reason = shown_reason(&error.to_string());
         job.syntax(
-            Place::Line(error.line().max(1) as u64),
+            FilePlace::Line(error.line().max(1) as u64),
             format!("the description is no glTF: {reason}"),
         )
     })?;
     if !document.asset.version.starts_with("2.") {
         let version = shown(document.asset.version.as_bytes());
         let reason = format!("glTF version `{version}`; version 2 is read");
-        return Err(job.syntax(Place::Byte(0), reason));
+        return Err(job.syntax(FilePlace::Byte(0), reason));
     }
     refuse_packed(job, &document)?;
     let store = GltfStore {
@@ -134,12 +134,12 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     }
     Ok((
         format,
-        Raw {
-            counts: Counts {
+        RawMesh {
+            counts: FileCounts {
                 vertices: sink.positions.len() as u64,
                 faces: sink.faces,
             },
-            coordinates: Coordinates::Double(sink.positions),
+            coordinates: FileCoordinates::Double(sink.positions),
             normals: sink.normals,
             absent_normals: sink.absent_normals,
             colors: sink.colors,
@@ -157,7 +157,7 @@ fn shown_reason(text: &str) -> String {
 }
 
 /// Refuses what must be understood to read the geometry, with the command that takes it away.
-fn refuse_packed(job: &Job<'_>, document: &GltfDocument) -> Result<(), Error> {
+fn refuse_packed(job: &ReadJob<'_>, document: &GltfDocument) -> Result<(), Error> {
     for name in &document.extensions_required {
         let (what, command) = match name.as_str() {
             "KHR_draco_mesh_compression" => {
@@ -183,7 +183,7 @@ fn refuse_packed(job: &Job<'_>, document: &GltfDocument) -> Result<(), Error> {
             other => {
                 let name = shown(other.as_bytes());
                 return Err(job.syntax(
-                    Place::Byte(0),
+                    FilePlace::Byte(0),
                     format!("the file requires the extension `{name}`, which is not read"),
                 ));
             }
@@ -199,7 +199,7 @@ fn refuse_packed(job: &Job<'_>, document: &GltfDocument) -> Result<(), Error> {
 
 /// Adds a primitive at its place.
 fn add_primitive(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     store: &GltfStore<'_>,
     place: &MeshPlace,
     primitive: &GltfPrimitive,
@@ -211,7 +211,7 @@ fn add_primitive(
             "mesh {}: mode {:?} is not known",
             place.mesh, primitive.mode
         );
-        return Err(job.syntax(Place::Byte(0), reason));
+        return Err(job.syntax(FilePlace::Byte(0), reason));
     };
     let Some(position) = primitive.attributes.position else {
         return Ok(());
@@ -245,7 +245,7 @@ fn add_primitive(
         None => (0..count as u32).collect(),
     };
     if let Some(&corner) = corners.iter().find(|&&corner| corner as usize >= count) {
-        return Err(job.index(Place::Byte(0), "vertex", corner.into(), count as u64, 0));
+        return Err(job.index(FilePlace::Byte(0), "vertex", corner.into(), count as u64, 0));
     }
     let to_world = place.to_world;
     let move_point =
@@ -312,7 +312,7 @@ fn push_triangles(
 
 /// Adds normals where the primitive has them, zeros where only others do.
 fn add_normals(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     store: &GltfStore<'_>,
     primitive: &GltfPrimitive,
     to_world: &DMat4,
@@ -351,14 +351,14 @@ fn add_normals(
     Ok(())
 }
 
-fn different_lengths(job: &Job<'_>, what: &str, found: usize, wanted: usize) -> Error {
+fn different_lengths(job: &ReadJob<'_>, what: &str, found: usize, wanted: usize) -> Error {
     let reason = format!("a primitive has {found} {what} for {wanted} positions");
-    job.syntax(Place::Byte(0), reason)
+    job.syntax(FilePlace::Byte(0), reason)
 }
 
 /// Adds colors: those of the vertices times the base color of the material.
 fn add_colors(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     store: &GltfStore<'_>,
     primitive: &GltfPrimitive,
     count: usize,
@@ -391,7 +391,7 @@ fn add_colors(
 }
 
 /// Says what the file holds and what was left out.
-fn list(job: &mut Job<'_>, document: &GltfDocument, places: &[MeshPlace], sink: &GltfSink) {
+fn list(job: &mut ReadJob<'_>, document: &GltfDocument, places: &[MeshPlace], sink: &GltfSink) {
     for (index, mesh) in document.meshes.iter().enumerate() {
         let times = places.iter().filter(|place| place.mesh == index).count() as u64;
         let name = format!("mesh {}", shown(mesh.name.as_bytes()));
@@ -494,11 +494,11 @@ fn list(job: &mut Job<'_>, document: &GltfDocument, places: &[MeshPlace], sink: 
     if places.iter().any(|place| place.is_skinned) {
         job.inventory.leave_out("the pose of skinned meshes");
     }
-    job.warn_count(sink.lines, |count| Warning::PartsIgnored {
+    job.warn_count(sink.lines, |count| ReadWarning::PartsIgnored {
         what: "primitives of lines",
         count,
     });
-    job.warn_count(sink.loose_points, |count| Warning::PartsIgnored {
+    job.warn_count(sink.loose_points, |count| ReadWarning::PartsIgnored {
         what: "points beside triangles",
         count,
     });

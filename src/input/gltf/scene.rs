@@ -2,8 +2,8 @@
 
 use glam::{DMat4, DQuat, DVec3};
 
-use super::super::job::Job;
-use super::super::{Error, Place, Warning};
+use super::super::job::ReadJob;
+use super::super::{Error, FilePlace, ReadWarning};
 use super::document::{GltfDocument, GltfNode};
 
 /// A mesh at a place of the world.
@@ -15,7 +15,10 @@ pub(super) struct MeshPlace {
 }
 
 /// The meshes of the scene, in the order of its nodes. A node counts once: a node of two parents, or of itself, is no tree.
-pub(super) fn places(job: &mut Job<'_>, document: &GltfDocument) -> Result<Vec<MeshPlace>, Error> {
+pub(super) fn places(
+    job: &mut ReadJob<'_>,
+    document: &GltfDocument,
+) -> Result<Vec<MeshPlace>, Error> {
     let roots: Vec<usize> = match document.scenes.get(document.scene.unwrap_or(0)) {
         Some(scene) => scene.nodes.clone(),
         None => roots_of(document),
@@ -31,7 +34,7 @@ pub(super) fn places(job: &mut Job<'_>, document: &GltfDocument) -> Result<Vec<M
     while let Some((index, to_world)) = stack.pop() {
         let Some(node) = document.nodes.get(index) else {
             let reason = format!("node {index} of {} does not exist", document.nodes.len());
-            return Err(job.syntax(Place::Byte(0), reason));
+            return Err(job.syntax(FilePlace::Byte(0), reason));
         };
         if std::mem::replace(&mut is_seen[index], true) {
             again += 1;
@@ -44,7 +47,7 @@ pub(super) fn places(job: &mut Job<'_>, document: &GltfDocument) -> Result<Vec<M
                     "node {index} names mesh {mesh} of {}",
                     document.meshes.len()
                 );
-                return Err(job.syntax(Place::Byte(0), reason));
+                return Err(job.syntax(FilePlace::Byte(0), reason));
             }
             out.push(MeshPlace {
                 mesh,
@@ -58,7 +61,7 @@ pub(super) fn places(job: &mut Job<'_>, document: &GltfDocument) -> Result<Vec<M
         }
         stack.extend(node.children.iter().rev().map(|&child| (child, to_world)));
     }
-    job.warn_count(again, |count| Warning::PartsIgnored {
+    job.warn_count(again, |count| ReadWarning::PartsIgnored {
         what: "nodes that are named twice",
         count,
     });

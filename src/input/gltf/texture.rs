@@ -11,7 +11,7 @@ use super::accessor::GltfStore;
 use super::container::without_percents;
 use super::document::{GltfMaterial, GltfPrimitive};
 use crate::input::Error;
-use crate::input::job::Job;
+use crate::input::job::ReadJob;
 use crate::input::textures::{ImageBytes, ImageSource, ImageTint, RawTextures};
 use crate::textures::{NO_IMAGE, WrapMode};
 
@@ -94,7 +94,7 @@ impl SceneTextures {
     /// Adds `triangles` of a primitive, the first of them number `first` and their vertices from `first_vertex` on.
     pub(super) fn add(
         &mut self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         store: &GltfStore<'_>,
         primitive: &GltfPrimitive,
         count: usize,
@@ -146,7 +146,7 @@ impl SceneTextures {
     /// The number of the image of a texture, added where it is new; none where the file names none.
     fn source_of(
         &mut self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         store: &GltfStore<'_>,
         material: &GltfMaterial,
         texture: &Value,
@@ -196,12 +196,12 @@ impl SceneTextures {
         Some(self.raw.sources.len() as u32 - 1)
     }
 
-    /// Whether triangles have an image of the file.
+    /// Tells whether triangles have an image of the file.
     pub(super) fn has_image(&self, index: usize) -> bool {
         self.images.contains(&index)
     }
 
-    /// Whether texture coordinates were read from an attribute.
+    /// Tells whether texture coordinates were read from an attribute.
     pub(super) fn reads(&self, attribute: &str) -> bool {
         self.attributes.iter().any(|known| known == attribute)
     }
@@ -233,7 +233,7 @@ fn viewed_bytes(store: &GltfStore<'_>, view: usize) -> ImageBytes {
 }
 
 /// Bytes of an address: in the address itself, or a file in the folder of the model.
-fn named_bytes(job: &Job<'_>, uri: &str) -> ImageBytes {
+fn named_bytes(job: &ReadJob<'_>, uri: &str) -> ImageBytes {
     let missing = |reason: &str| ImageBytes::Missing(reason.to_owned());
     if let Some(data) = uri.strip_prefix("data:") {
         let Some((_, text)) = data.split_once(";base64,") else {

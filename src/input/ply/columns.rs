@@ -1,16 +1,16 @@
 //! Which elements and properties of a PLY file we know, and under what names.
 
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::part::{PartFate, grouped};
-use super::super::{Error, Place};
-use super::header::{Element, Named, Property, Type};
+use super::super::{Error, FilePlace};
+use super::header::{Named, PlyElement, PlyProperty, ScalarType};
 
 /// A number of every row that is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Column {
+pub(super) struct KeptColumn {
     /// Which property.
     pub(super) property: usize,
-    pub(super) kind: Type,
+    pub(super) kind: ScalarType,
 }
 
 /// Where the color of a vertex is.
@@ -18,25 +18,25 @@ pub(super) struct Column {
 pub(super) enum ColorColumns {
     /// Red, green and blue; whether a color is opaque is only looked at.
     Channels {
-        rgb: [Column; 3],
-        alpha: Option<Column>,
+        rgb: [KeptColumn; 3],
+        alpha: Option<KeptColumn>,
     },
     /// Three bytes in the bits of a number, as the Point Cloud Library has them: 0xRRGGBB.
-    Packed(Column),
+    Packed(KeptColumn),
     /// The first three numbers of a list.
-    Listed(Column),
+    Listed(KeptColumn),
     /// The constant part of spherical harmonics.
-    Harmonics([Column; 3]),
+    Harmonics([KeptColumn; 3]),
 }
 
 /// Where the parts of a vertex are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct VertexColumns {
-    pub(super) position: [Column; 3],
-    pub(super) normal: Option<[Column; 3]>,
+    pub(super) position: [KeptColumn; 3],
+    pub(super) normal: Option<[KeptColumn; 3]>,
     pub(super) color: Option<ColorColumns>,
     /// Texture coordinates.
-    pub(super) place: Option<[Column; 2]>,
+    pub(super) place: Option<[KeptColumn; 2]>,
     /// A trained Gaussian-splat file.
     pub(super) are_splats: bool,
 }
@@ -46,16 +46,16 @@ pub(super) struct VertexColumns {
 pub(super) struct FaceColumns {
     /// The list property that holds the corners.
     pub(super) corners: usize,
-    pub(super) color: Option<[Column; 3]>,
+    pub(super) color: Option<[KeptColumn; 3]>,
     /// The list property that holds texture coordinates of the corners, two each.
     pub(super) places: Option<usize>,
     /// The number of the texture.
-    pub(super) texture: Option<Column>,
+    pub(super) texture: Option<KeptColumn>,
 }
 
 /// What an element is to us.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Role {
+pub(super) enum ElementRole {
     Vertices(VertexColumns),
     Faces(FaceColumns),
     /// Triangle strips, with the number of the list property that holds the corners.
@@ -64,24 +64,24 @@ pub(super) enum Role {
 }
 
 /// The properties of an element, looked up by name, whatever the case.
-struct Lookup<'a>(&'a [(String, Property)]);
+struct PropertyLookup<'a>(&'a [(String, PlyProperty)]);
 
-impl Lookup<'_> {
-    fn column(&self, wanted: &str) -> Option<Column> {
+impl PropertyLookup<'_> {
+    fn column(&self, wanted: &str) -> Option<KeptColumn> {
         let mut all = self.0.iter().enumerate();
         all.find_map(|(property, (name, kind))| match *kind {
-            Property::Scalar(kind) if name.eq_ignore_ascii_case(wanted) => {
-                Some(Column { property, kind })
+            PlyProperty::Scalar(kind) if name.eq_ignore_ascii_case(wanted) => {
+                Some(KeptColumn { property, kind })
             }
             _ => None,
         })
     }
 
-    fn three(&self, [a, b, c]: [&str; 3]) -> Option<[Column; 3]> {
+    fn three(&self, [a, b, c]: [&str; 3]) -> Option<[KeptColumn; 3]> {
         Some([self.column(a)?, self.column(b)?, self.column(c)?])
     }
 
-    fn place(&self) -> Option<[Column; 2]> {
+    fn place(&self) -> Option<[KeptColumn; 2]> {
         let names = [
             ["s", "t"],
             ["u", "v"],
@@ -98,21 +98,21 @@ impl Lookup<'_> {
     /// The list of a face's texture coordinates.
     fn places(&self) -> Option<usize> {
         let names = ["texcoord", "texcoords", "texture_coordinates", "uv", "uvs"];
-        let is_list = |property: &Property| matches!(property, Property::List { .. });
+        let is_list = |property: &PlyProperty| matches!(property, PlyProperty::List { .. });
         names.iter().find_map(|wanted| {
             let mut all = self.0.iter();
             all.position(|(name, property)| name.eq_ignore_ascii_case(wanted) && is_list(property))
         })
     }
 
-    fn texture(&self) -> Option<Column> {
+    fn texture(&self) -> Option<KeptColumn> {
         let names = ["texnumber", "texture_number", "tex_number", "texture_id"];
         names.iter().find_map(|name| self.column(name))
     }
 
     /// Red, green and blue under the names that programs give them: alone, shortened, or with something before or after,
     /// the same for all three. Diffuse ones go first; ambient and specular ones are none.
-    fn rgb(&self) -> Option<[Column; 3]> {
+    fn rgb(&self) -> Option<[KeptColumn; 3]> {
         let known = [
             ["red", "green", "blue"],
             ["r", "g", "b"],
@@ -122,11 +122,11 @@ impl Lookup<'_> {
             return Some(found);
         }
         self.0.iter().find_map(|(name, _)| {
-            let frame = Frame::of(name, ["red", "r"])?;
+            let frame = NameFrame::of(name, ["red", "r"])?;
             let channel = |names: [&str; 2]| {
                 self.0
                     .iter()
-                    .find(|(name, _)| Frame::of(name, names).as_ref() == Some(&frame))
+                    .find(|(name, _)| NameFrame::of(name, names).as_ref() == Some(&frame))
                     .and_then(|(name, _)| self.column(name))
             };
             Some([
@@ -152,8 +152,8 @@ impl Lookup<'_> {
                 .iter()
                 .enumerate()
                 .find_map(|(property, (name, kind))| match *kind {
-                    Property::List { item, .. } if name.eq_ignore_ascii_case(wanted) => {
-                        Some(Column {
+                    PlyProperty::List { item, .. } if name.eq_ignore_ascii_case(wanted) => {
+                        Some(KeptColumn {
                             property,
                             kind: item,
                         })
@@ -166,13 +166,18 @@ impl Lookup<'_> {
         }
         let mut packed = names.into_iter().filter_map(|name| self.column(name));
         packed
-            .find(|column| matches!(column.kind, Type::F32 | Type::I32 | Type::U32))
+            .find(|column| {
+                matches!(
+                    column.kind,
+                    ScalarType::F32 | ScalarType::I32 | ScalarType::U32
+                )
+            })
             .map(ColorColumns::Packed)
     }
 
     /// The list of corners: by its name, or because no other list of integers is there.
     fn corners(&self) -> Option<usize> {
-        let is_list = |property: &Property| matches!(property, Property::List { .. });
+        let is_list = |property: &PlyProperty| matches!(property, PlyProperty::List { .. });
         let known = ["vertex_indices", "vertex_index", "vertex_indexes"];
         let named = known.iter().find_map(|wanted| {
             self.0
@@ -181,7 +186,7 @@ impl Lookup<'_> {
         });
         named.or_else(|| {
             let is_integers =
-                |property: &Property| matches!(property, Property::List { item, .. } if !item.is_float());
+                |property: &PlyProperty| matches!(property, PlyProperty::List { item, .. } if !item.is_float());
             let mut lists = (0..self.0.len()).filter(|&index| is_integers(&self.0[index].1));
             let first = lists.next()?;
             lists.next().is_none().then_some(first)
@@ -191,11 +196,11 @@ impl Lookup<'_> {
 
 /// What stands before and after the channel in a property's name, in lower case.
 #[derive(Debug, PartialEq, Eq)]
-struct Frame(String, String);
+struct NameFrame(String, String);
 
-impl Frame {
+impl NameFrame {
     /// The frame of a name that holds one of the spellings of a channel, long or (between marks) short.
-    fn of(name: &str, [long, short]: [&str; 2]) -> Option<Frame> {
+    fn of(name: &str, [long, short]: [&str; 2]) -> Option<NameFrame> {
         let name = name.to_ascii_lowercase();
         if ["ambient", "specular", "emissi", "reflect"]
             .iter()
@@ -204,7 +209,10 @@ impl Frame {
             return None;
         }
         let frame = |at: usize, length: usize| {
-            Some(Frame(name[..at].to_owned(), name[at + length..].to_owned()))
+            Some(NameFrame(
+                name[..at].to_owned(),
+                name[at + length..].to_owned(),
+            ))
         };
         if let Some(at) = name.find(long)
             && (at == 0 || at + long.len() == name.len())
@@ -225,13 +233,13 @@ impl Frame {
 
 /// What an element is to us.
 pub(super) fn role_of(
-    job: &Job<'_>,
-    place: Place,
+    job: &ReadJob<'_>,
+    place: FilePlace,
     name: &str,
     count: u64,
     properties: &Named,
-) -> Result<Role, Error> {
-    let lookup = Lookup(properties);
+) -> Result<ElementRole, Error> {
+    let lookup = PropertyLookup(properties);
     match &name.to_ascii_lowercase()[..] {
         "vertex" | "vertices" => {
             let Some(position) = lookup.three(["x", "y", "z"]) else {
@@ -244,7 +252,7 @@ pub(super) fn role_of(
                 && lookup.column("opacity").is_some();
             let names = [["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
             let normal = names.into_iter().find_map(|names| lookup.three(names));
-            Ok(Role::Vertices(VertexColumns {
+            Ok(ElementRole::Vertices(VertexColumns {
                 position,
                 // Splats have zeros there.
                 normal: normal.filter(|_| !are_splats),
@@ -254,25 +262,25 @@ pub(super) fn role_of(
             }))
         }
         "face" | "faces" => match lookup.corners() {
-            Some(corners) => Ok(Role::Faces(FaceColumns {
+            Some(corners) => Ok(ElementRole::Faces(FaceColumns {
                 corners,
                 color: lookup.rgb(),
                 places: lookup.places(),
                 texture: lookup.texture(),
             })),
-            None if count == 0 => Ok(Role::Other),
+            None if count == 0 => Ok(ElementRole::Other),
             None => Err(no_corners(job, place, name)),
         },
         "tristrips" => match lookup.corners() {
-            Some(list) => Ok(Role::Strips(list)),
-            None if count == 0 => Ok(Role::Other),
+            Some(list) => Ok(ElementRole::Strips(list)),
+            None if count == 0 => Ok(ElementRole::Other),
             None => Err(no_corners(job, place, name)),
         },
-        _ => Ok(Role::Other),
+        _ => Ok(ElementRole::Other),
     }
 }
 
-fn no_corners(job: &Job<'_>, place: Place, name: &str) -> Error {
+fn no_corners(job: &ReadJob<'_>, place: FilePlace, name: &str) -> Error {
     job.syntax(
         place,
         format!("element `{name}` has no list `vertex_indices`"),
@@ -281,25 +289,25 @@ fn no_corners(job: &Job<'_>, place: Place, name: &str) -> Error {
 
 /// Lets the colors of vertices go before those of faces, and texture coordinates of faces before those of vertices; without
 /// textures there are none. Lists all elements and properties.
-pub(super) fn settle(job: &mut Job<'_>, elements: &mut [Element], has_textures: bool) {
-    let have_places = |element: &Element| matches!(element.role, Role::Faces(columns) if columns.places.is_some());
+pub(super) fn settle(job: &mut ReadJob<'_>, elements: &mut [PlyElement], has_textures: bool) {
+    let have_places = |element: &PlyElement| matches!(element.role, ElementRole::Faces(columns) if columns.places.is_some());
     let have_places = elements.iter().any(have_places);
     for element in &mut *elements {
         match &mut element.role {
-            Role::Vertices(columns) if have_places || !has_textures => columns.place = None,
-            Role::Faces(columns) if !has_textures => {
+            ElementRole::Vertices(columns) if have_places || !has_textures => columns.place = None,
+            ElementRole::Faces(columns) if !has_textures => {
                 (columns.places, columns.texture) = (None, None);
             }
             _ => {}
         }
     }
 
-    let has_vertex_colors = elements
-        .iter()
-        .any(|element| matches!(element.role, Role::Vertices(columns) if columns.color.is_some()));
+    let has_vertex_colors = elements.iter().any(
+        |element| matches!(element.role, ElementRole::Vertices(columns) if columns.color.is_some()),
+    );
     for element in elements {
         let mut left_colors = Vec::new();
-        if let Role::Faces(columns) = &mut element.role
+        if let ElementRole::Faces(columns) = &mut element.role
             && has_vertex_colors
         {
             left_colors.extend(
@@ -316,10 +324,10 @@ pub(super) fn settle(job: &mut Job<'_>, elements: &mut [Element], has_textures: 
 }
 
 /// Lists an element and its properties; `left_colors` are colors of faces that are left out.
-fn list(job: &mut Job<'_>, element: &Element, left_colors: &[usize]) {
-    let Element { name, count, .. } = element;
+fn list(job: &mut ReadJob<'_>, element: &PlyElement, left_colors: &[usize]) {
+    let PlyElement { name, count, .. } = element;
     let fate = match element.role {
-        Role::Other => PartFate::LeftOut,
+        ElementRole::Other => PartFate::LeftOut,
         _ => PartFate::Used,
     };
     job.inventory
@@ -332,7 +340,8 @@ fn list(job: &mut Job<'_>, element: &Element, left_colors: &[usize]) {
             None => (PartFate::LeftOut, ""),
         };
         // Looked at when all is read.
-        if matches!(element.role, Role::Vertices(columns) if alpha_of(&columns) == Some(index)) {
+        if matches!(element.role, ElementRole::Vertices(columns) if alpha_of(&columns) == Some(index))
+        {
             continue;
         }
         if fate == PartFate::LeftOut {
@@ -344,13 +353,13 @@ fn list(job: &mut Job<'_>, element: &Element, left_colors: &[usize]) {
     if *count == 0 {
         return;
     }
-    if element.role == Role::Other {
+    if element.role == ElementRole::Other {
         job.inventory
             .leave_out(format!("element {name} ({count} rows)"));
     } else if !left_out.is_empty()
         && !matches!(
             element.role,
-            Role::Vertices(VertexColumns {
+            ElementRole::Vertices(VertexColumns {
                 are_splats: true,
                 ..
             })
@@ -372,31 +381,33 @@ pub(super) fn alpha_of(columns: &VertexColumns) -> Option<usize> {
 }
 
 /// What a property is read as; `None` when it is not.
-fn use_of(element: &Element, property: usize) -> Option<&'static str> {
-    let has = |columns: &[Column]| columns.iter().any(|column| column.property == property);
+fn use_of(element: &PlyElement, property: usize) -> Option<&'static str> {
+    let has = |columns: &[KeptColumn]| columns.iter().any(|column| column.property == property);
     match element.role {
-        Role::Vertices(columns) if has(&columns.position) => Some("position"),
-        Role::Vertices(columns) if columns.normal.is_some_and(|normal| has(&normal)) => {
+        ElementRole::Vertices(columns) if has(&columns.position) => Some("position"),
+        ElementRole::Vertices(columns) if columns.normal.is_some_and(|normal| has(&normal)) => {
             Some("normal")
         }
-        Role::Vertices(columns) if columns.place.is_some_and(|place| has(&place)) => {
+        ElementRole::Vertices(columns) if columns.place.is_some_and(|place| has(&place)) => {
             Some("texture coordinate")
         }
-        Role::Vertices(columns) => match columns.color? {
+        ElementRole::Vertices(columns) => match columns.color? {
             ColorColumns::Channels { rgb, .. } if has(&rgb) => Some("color"),
             ColorColumns::Packed(column) if has(&[column]) => Some("color, packed"),
             ColorColumns::Listed(column) if has(&[column]) => Some("color, a list"),
             ColorColumns::Harmonics(columns) if has(&columns) => Some("color, 0.5 + 0.2821 of it"),
             _ => None,
         },
-        Role::Faces(columns) if columns.corners == property => Some("corners"),
-        Role::Faces(columns) if columns.places == Some(property) => Some("texture coordinates"),
-        Role::Faces(columns) if columns.texture.is_some_and(|texture| has(&[texture])) => {
+        ElementRole::Faces(columns) if columns.corners == property => Some("corners"),
+        ElementRole::Faces(columns) if columns.places == Some(property) => {
+            Some("texture coordinates")
+        }
+        ElementRole::Faces(columns) if columns.texture.is_some_and(|texture| has(&[texture])) => {
             Some("number of the texture")
         }
-        Role::Faces(columns) => columns.color.filter(|color| has(color)).map(|_| "color"),
-        Role::Strips(list) => (list == property).then_some("corners"),
-        Role::Other => None,
+        ElementRole::Faces(columns) => columns.color.filter(|color| has(color)).map(|_| "color"),
+        ElementRole::Strips(list) => (list == property).then_some("corners"),
+        ElementRole::Other => None,
     }
 }
 
@@ -405,11 +416,11 @@ mod tests {
     use super::*;
 
     fn rgb(names: &[&str]) -> Option<[usize; 3]> {
-        let properties: Vec<(String, Property)> = names
+        let properties: Vec<(String, PlyProperty)> = names
             .iter()
-            .map(|name| (name.to_string(), Property::Scalar(Type::U8)))
+            .map(|name| (name.to_string(), PlyProperty::Scalar(ScalarType::U8)))
             .collect();
-        Lookup(&properties)
+        PropertyLookup(&properties)
             .rgb()
             .map(|columns| columns.map(|column| column.property))
     }

@@ -6,13 +6,13 @@ use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::super::Error;
-use super::super::assemble::Coordinates;
+use super::super::assemble::FileCoordinates;
 use super::super::color::{ColorRange, ColorSink, unite};
-use super::super::job::Job;
-use super::Sink;
-use super::columns::{ColorColumns, Column, Role, VertexColumns};
-use super::header::{Element, Property, Type};
-use super::rows::{decode, is_opaque, of_harmonics, packed_bits, unpacked};
+use super::super::job::ReadJob;
+use super::ReadParts;
+use super::columns::{ColorColumns, ElementRole, KeptColumn, VertexColumns};
+use super::header::{PlyElement, PlyProperty, ScalarType};
+use super::numbers::{decode, is_opaque, of_harmonics, packed_bits, unpacked};
 
 /// Rows per parallel piece, about a megabyte; progress and cancelling go by pieces.
 const PIECE: usize = 1 << 16;
@@ -21,14 +21,14 @@ const PIECE: usize = 1 << 16;
 /// Returns the bytes read, or `None` when the rows differ or anything is wrong with them: the general way then finds
 /// the place.
 pub(super) fn read<const BIG: bool>(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     data: &[u8],
-    element: &Element,
-    sink: &mut Sink,
+    element: &PlyElement,
+    sink: &mut ReadParts,
 ) -> Result<Option<usize>, Error> {
     let count = element.count as usize;
     match (element.role, element.stride()) {
-        (Role::Vertices(columns), Some(stride)) => {
+        (ElementRole::Vertices(columns), Some(stride)) => {
             // `check_size` allows a byte too many for the sake of text.
             let Some(data) = data.get(..count * stride) else {
                 return Ok(None);
@@ -40,11 +40,11 @@ pub(super) fn read<const BIG: bool>(
                 Ok(Some(data.len()))
             }
         }
-        (Role::Other, Some(stride)) => {
+        (ElementRole::Other, Some(stride)) => {
             let bytes = (element.count as u128 * stride as u128).min(usize::MAX as u128) as usize;
             Ok(data.get(..bytes).map(<[u8]>::len))
         }
-        (Role::Faces(columns), _) => {
+        (ElementRole::Faces(columns), _) => {
             let Some(layout) = TriangleLayout::of(element, columns.corners) else {
                 return Ok(None);
             };
@@ -86,19 +86,21 @@ pub(super) fn read<const BIG: bool>(
 pub(super) fn read_vertices<const BIG: bool>(
     data: &[u8],
     stride: usize,
-    element: &Element,
+    element: &PlyElement,
     columns: &VertexColumns,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) {
-    let offset = |column: Column| (offset_of(element, column.property), column.kind);
-    let offsets = |columns: [Column; 3]| columns.map(offset);
-    let single = |columns: [(usize, Type); 3]| columns.iter().all(|&(_, kind)| kind == Type::F32);
+    let offset = |column: KeptColumn| (offset_of(element, column.property), column.kind);
+    let offsets = |columns: [KeptColumn; 3]| columns.map(offset);
+    let single = |columns: [(usize, ScalarType); 3]| {
+        columns.iter().all(|&(_, kind)| kind == ScalarType::F32)
+    };
 
     let position = offsets(columns.position);
     sink.coordinates = if single(position) {
-        Coordinates::Single(rows(data, stride, |row| three_single::<BIG>(row, position)))
+        FileCoordinates::Single(rows(data, stride, |row| three_single::<BIG>(row, position)))
     } else {
-        Coordinates::Double(rows(data, stride, |row| three_double::<BIG>(row, position)))
+        FileCoordinates::Double(rows(data, stride, |row| three_double::<BIG>(row, position)))
     };
     if let Some(normal) = columns.normal.map(offsets) {
         sink.normals = if single(normal) {
@@ -110,7 +112,8 @@ pub(super) fn read_vertices<const BIG: bool>(
         };
     }
     if let Some([u, v]) = columns.place.map(|place| place.map(offset)) {
-        let number = |row: &[u8], (at, kind): (usize, Type)| decode::<BIG>(&row[at..], kind) as f32;
+        let number =
+            |row: &[u8], (at, kind): (usize, ScalarType)| decode::<BIG>(&row[at..], kind) as f32;
         sink.places = rows(data, stride, |row| {
             Vec2::new(number(row, u), number(row, v))
         });
@@ -138,10 +141,10 @@ pub(super) fn read_vertices<const BIG: bool>(
 }
 
 /// Offset of a property in a row whose lists have three items.
-fn offset_of(element: &Element, property: usize) -> usize {
-    let size = |property: &Property| match property {
-        Property::Scalar(kind) => kind.size(),
-        Property::List { count, item } => count.size() + 3 * item.size(),
+fn offset_of(element: &PlyElement, property: usize) -> usize {
+    let size = |property: &PlyProperty| match property {
+        PlyProperty::Scalar(kind) => kind.size(),
+        PlyProperty::List { count, item } => count.size() + 3 * item.size(),
     };
     element.properties[..property].iter().map(size).sum()
 }
@@ -151,24 +154,25 @@ fn offset_of(element: &Element, property: usize) -> usize {
 fn colors<const BIG: bool>(
     data: &[u8],
     stride: usize,
-    columns: [(usize, Type); 3],
-    alpha: Option<(usize, Type)>,
+    columns: [(usize, ScalarType); 3],
+    alpha: Option<(usize, ScalarType)>,
 ) -> (ColorSink, bool) {
     let mut sink = ColorSink::new(columns.map(|(_, kind)| kind.color_range()));
     let before = sink.ranges;
-    let value =
-        |row: &[u8], (at, kind): (usize, Type)| kind.color_value(decode::<BIG>(&row[at..], kind));
+    let value = |row: &[u8], (at, kind): (usize, ScalarType)| {
+        kind.color_value(decode::<BIG>(&row[at..], kind))
+    };
     if before != [ColorRange::BYTE; 3] {
         for (range, &column) in sink.ranges.iter_mut().zip(&columns) {
             let seen = data
                 .par_chunks(PIECE * stride)
                 .map(|piece| {
-                    let mut seen = Seen::default();
+                    let mut seen = ChannelRange::default();
                     let rows = piece.chunks_exact(stride);
                     rows.for_each(|row| seen.add(value(row, column)));
                     seen
                 })
-                .reduce(Seen::default, Seen::join);
+                .reduce(ChannelRange::default, ChannelRange::join);
             range.see_all(seen.largest, seen.has_fraction);
         }
         unite(&mut sink.ranges, before);
@@ -183,7 +187,7 @@ fn colors<const BIG: bool>(
             is_transparent.store(true, Relaxed);
         }
         let [r, g, b] = [0, 1, 2].map(|channel: usize| match columns[channel] {
-            (at, Type::U8) => row[at],
+            (at, ScalarType::U8) => row[at],
             column => ranges[channel].byte(value(row, column)),
         });
         [r, g, b, 255]
@@ -193,13 +197,13 @@ fn colors<const BIG: bool>(
 
 /// What the values of a channel say about its range.
 #[derive(Debug, Clone, Copy, Default)]
-struct Seen {
+struct ChannelRange {
     /// The largest that is finite, at least 0.
     largest: f64,
     has_fraction: bool,
 }
 
-impl Seen {
+impl ChannelRange {
     #[inline]
     fn add(&mut self, value: f64) {
         if value > self.largest && value.is_finite() {
@@ -234,7 +238,7 @@ fn rows<T: Copy + Default + Send>(
 }
 
 #[inline]
-fn three_single<const BIG: bool>(row: &[u8], columns: [(usize, Type); 3]) -> Vec3 {
+fn three_single<const BIG: bool>(row: &[u8], columns: [(usize, ScalarType); 3]) -> Vec3 {
     Vec3::from_array(columns.map(|(offset, _)| {
         let bytes = [
             row[offset],
@@ -251,7 +255,7 @@ fn three_single<const BIG: bool>(row: &[u8], columns: [(usize, Type); 3]) -> Vec
 }
 
 #[inline]
-fn three_double<const BIG: bool>(row: &[u8], columns: [(usize, Type); 3]) -> DVec3 {
+fn three_double<const BIG: bool>(row: &[u8], columns: [(usize, ScalarType); 3]) -> DVec3 {
     DVec3::from_array(columns.map(|(offset, kind)| decode::<BIG>(&row[offset..], kind)))
 }
 
@@ -260,25 +264,25 @@ fn three_double<const BIG: bool>(row: &[u8], columns: [(usize, Type); 3]) -> DVe
 struct TriangleLayout {
     stride: usize,
     count: usize,
-    count_type: Type,
+    count_type: ScalarType,
     corners: usize,
-    index_type: Type,
+    index_type: ScalarType,
 }
 
 impl TriangleLayout {
     /// `None` when another list could change the size of a row, or the types are rare.
-    fn of(element: &Element, list: usize) -> Option<Self> {
+    fn of(element: &PlyElement, list: usize) -> Option<Self> {
         let (mut stride, mut found) = (0, None);
         for (index, property) in element.properties.iter().enumerate() {
             match *property {
-                Property::Scalar(kind) => stride += kind.size(),
-                Property::List { count, item }
+                PlyProperty::Scalar(kind) => stride += kind.size(),
+                PlyProperty::List { count, item }
                     if index == list && !item.is_float() && item.size() <= 4 =>
                 {
                     found = Some((stride, count, stride + count.size(), item));
                     stride += count.size() + 3 * item.size();
                 }
-                Property::List { .. } => return None,
+                PlyProperty::List { .. } => return None,
             }
         }
         let (count, count_type, corners, index_type) = found?;
@@ -293,20 +297,20 @@ impl TriangleLayout {
 }
 
 /// Bytes of a row of a triangle; `None` where rows are read the general way.
-pub(super) fn triangle_stride(element: &Element, list: usize) -> Option<usize> {
+pub(super) fn triangle_stride(element: &PlyElement, list: usize) -> Option<usize> {
     TriangleLayout::of(element, list).map(|layout| layout.stride)
 }
 
 fn read_triangles<const BIG: bool>(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     data: &[u8],
     count: usize,
     layout: TriangleLayout,
     vertices: u64,
 ) -> Option<Vec<[u32; 3]>> {
     let mut triangles = vec![[0; 3]; count];
-    let common =
-        layout.count_type.size() == 1 && matches!(layout.index_type, Type::I32 | Type::U32);
+    let common = layout.count_type.size() == 1
+        && matches!(layout.index_type, ScalarType::I32 | ScalarType::U32);
     triangles
         .par_chunks_mut(PIECE)
         .zip(data.par_chunks(PIECE * layout.stride))
@@ -334,7 +338,7 @@ fn common_rows<'a, const BIG: bool>(
     layout: TriangleLayout,
     vertices: u64,
 ) -> bool {
-    let largest = if layout.index_type == Type::I32 {
+    let largest = if layout.index_type == ScalarType::I32 {
         vertices.min(1 << 31)
     } else {
         vertices

@@ -1,14 +1,14 @@
 //! The header of a PLY file: encoding, elements, properties.
 
 use super::super::color::ColorRange;
-use super::super::job::{Job, at_line};
-use super::super::text::{Scanner, shown, words};
-use super::super::{Error, Place};
-use super::columns::{self, Role};
+use super::super::job::{ReadJob, at_line};
+use super::super::text::{TextScanner, shown, words};
+use super::super::{Error, FilePlace};
+use super::columns::{self, ElementRole};
 
 /// How the numbers are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(super) enum PlyEncoding {
     Ascii,
     LittleEndian,
     BigEndian,
@@ -16,7 +16,7 @@ pub(super) enum Encoding {
 
 /// Type of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Type {
+pub(super) enum ScalarType {
     I8,
     U8,
     I16,
@@ -29,19 +29,19 @@ pub(super) enum Type {
     F64,
 }
 
-impl Type {
-    fn parse(word: &[u8]) -> Option<Type> {
+impl ScalarType {
+    fn parse(word: &[u8]) -> Option<ScalarType> {
         Some(match word {
-            b"char" | b"int8" => Type::I8,
-            b"uchar" | b"uint8" => Type::U8,
-            b"short" | b"int16" => Type::I16,
-            b"ushort" | b"uint16" => Type::U16,
-            b"int" | b"int32" => Type::I32,
-            b"uint" | b"uint32" => Type::U32,
-            b"int64" | b"long" => Type::I64,
-            b"uint64" | b"ulong" => Type::U64,
-            b"float" | b"float32" => Type::F32,
-            b"double" | b"float64" => Type::F64,
+            b"char" | b"int8" => ScalarType::I8,
+            b"uchar" | b"uint8" => ScalarType::U8,
+            b"short" | b"int16" => ScalarType::I16,
+            b"ushort" | b"uint16" => ScalarType::U16,
+            b"int" | b"int32" => ScalarType::I32,
+            b"uint" | b"uint32" => ScalarType::U32,
+            b"int64" | b"long" => ScalarType::I64,
+            b"uint64" | b"ulong" => ScalarType::U64,
+            b"float" | b"float32" => ScalarType::F32,
+            b"double" | b"float64" => ScalarType::F64,
             _ => return None,
         })
     }
@@ -49,23 +49,23 @@ impl Type {
     /// Bytes in a binary file.
     pub(super) fn size(self) -> usize {
         match self {
-            Type::I8 | Type::U8 => 1,
-            Type::I16 | Type::U16 => 2,
-            Type::I32 | Type::U32 | Type::F32 => 4,
-            Type::I64 | Type::U64 | Type::F64 => 8,
+            ScalarType::I8 | ScalarType::U8 => 1,
+            ScalarType::I16 | ScalarType::U16 => 2,
+            ScalarType::I32 | ScalarType::U32 | ScalarType::F32 => 4,
+            ScalarType::I64 | ScalarType::U64 | ScalarType::F64 => 8,
         }
     }
 
     pub(super) fn is_float(self) -> bool {
-        matches!(self, Type::F32 | Type::F64)
+        matches!(self, ScalarType::F32 | ScalarType::F64)
     }
 
     /// The range of a color channel before its values are known.
     pub(super) fn color_range(self) -> ColorRange {
         match self {
-            Type::F32 | Type::F64 => ColorRange::FLOAT,
-            Type::I8 | Type::U8 => ColorRange::BYTE,
-            Type::I16 | Type::U16 => ColorRange::WORD,
+            ScalarType::F32 | ScalarType::F64 => ColorRange::FLOAT,
+            ScalarType::I8 | ScalarType::U8 => ColorRange::BYTE,
+            ScalarType::I16 | ScalarType::U16 => ColorRange::WORD,
             _ => ColorRange::INTEGER,
         }
     }
@@ -73,7 +73,7 @@ impl Type {
     /// A color channel: bytes that were written with a sign have none.
     #[inline]
     pub(super) fn color_value(self, value: f64) -> f64 {
-        if self == Type::I8 && value < 0.0 {
+        if self == ScalarType::I8 && value < 0.0 {
             value + 256.0
         } else {
             value
@@ -82,37 +82,37 @@ impl Type {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Property {
-    Scalar(Type),
-    List { count: Type, item: Type },
+pub(super) enum PlyProperty {
+    Scalar(ScalarType),
+    List { count: ScalarType, item: ScalarType },
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Element {
+pub(super) struct PlyElement {
     pub(super) name: String,
     pub(super) count: u64,
-    pub(super) properties: Vec<Property>,
-    /// Their names.
+    pub(super) properties: Vec<PlyProperty>,
+    /// Names of the properties.
     pub(super) names: Vec<String>,
-    pub(super) role: Role,
+    pub(super) role: ElementRole,
 }
 
-impl Element {
+impl PlyElement {
     /// Bytes of a binary row when no property is a list.
     pub(super) fn stride(&self) -> Option<usize> {
         self.properties
             .iter()
             .try_fold(0, |sum, property| match property {
-                Property::Scalar(kind) => Some(sum + kind.size()),
-                Property::List { .. } => None,
+                PlyProperty::Scalar(kind) => Some(sum + kind.size()),
+                PlyProperty::List { .. } => None,
             })
     }
 }
 
 #[derive(Debug)]
-pub(super) struct Header {
-    pub(super) encoding: Encoding,
-    pub(super) elements: Vec<Element>,
+pub(super) struct PlyHeader {
+    pub(super) encoding: PlyEncoding,
+    pub(super) elements: Vec<PlyElement>,
     /// Rows of the vertex element.
     pub(super) vertices: u64,
     /// Names of textures in comments.
@@ -125,12 +125,12 @@ pub(super) struct Header {
 const LONGEST_HEADER: usize = 1 << 20;
 
 /// A property list while the header is read.
-pub(super) type Named = Vec<(String, Property)>;
+pub(super) type Named = Vec<(String, PlyProperty)>;
 
-impl Header {
-    pub(super) fn parse(job: &mut Job<'_>, data: &[u8]) -> Result<Header, Error> {
+impl PlyHeader {
+    pub(super) fn parse(job: &mut ReadJob<'_>, data: &[u8]) -> Result<PlyHeader, Error> {
         let head = &data[..data.len().min(LONGEST_HEADER)];
-        let mut scanner = Scanner::new(head, 0);
+        let mut scanner = TextScanner::new(head, 0);
         let mut encoding = None;
         let mut raw: Vec<(String, u64, Named)> = Vec::new();
         let mut textures = Vec::new();
@@ -163,9 +163,9 @@ impl Header {
                 }
                 b"format" => {
                     encoding = Some(match rest.first() {
-                        Some(&b"ascii") => Encoding::Ascii,
-                        Some(&b"binary_little_endian") => Encoding::LittleEndian,
-                        Some(&b"binary_big_endian") => Encoding::BigEndian,
+                        Some(&b"ascii") => PlyEncoding::Ascii,
+                        Some(&b"binary_little_endian") => PlyEncoding::LittleEndian,
+                        Some(&b"binary_big_endian") => PlyEncoding::BigEndian,
                         other => {
                             let found = shown(other.unwrap_or(&&b""[..]));
                             return Err(
@@ -210,14 +210,14 @@ impl Header {
             // Only the first of two elements of one name is read.
             let again = elements
                 .iter()
-                .any(|element: &Element| element.name == name);
+                .any(|element: &PlyElement| element.name == name);
             let role = if again {
-                Role::Other
+                ElementRole::Other
             } else {
                 columns::role_of(job, place, &name, count, &properties)?
             };
             let (names, properties) = properties.into_iter().unzip();
-            elements.push(Element {
+            elements.push(PlyElement {
                 name,
                 count,
                 properties,
@@ -229,10 +229,10 @@ impl Header {
         columns::settle(job, &mut elements, has_textures);
         let vertices = elements
             .iter()
-            .find(|element| matches!(element.role, Role::Vertices(_)))
+            .find(|element| matches!(element.role, ElementRole::Vertices(_)))
             .map(|element| element.count)
             .ok_or_else(|| job.syntax(place, "the header has no element `vertex`"))?;
-        Ok(Header {
+        Ok(PlyHeader {
             encoding,
             elements,
             vertices,
@@ -243,8 +243,8 @@ impl Header {
 }
 
 fn parse_element(
-    job: &Job<'_>,
-    place: impl Fn() -> Place,
+    job: &ReadJob<'_>,
+    place: impl Fn() -> FilePlace,
     rest: &[&[u8]],
 ) -> Result<(String, u64, Named), Error> {
     let [name, count, ..] = rest else {
@@ -258,17 +258,17 @@ fn parse_element(
 }
 
 fn parse_property(
-    job: &Job<'_>,
-    place: impl Fn() -> Place,
+    job: &ReadJob<'_>,
+    place: impl Fn() -> FilePlace,
     rest: &[&[u8]],
-) -> Result<(String, Property), Error> {
+) -> Result<(String, PlyProperty), Error> {
     let kind = |word: &[u8]| {
-        Type::parse(word)
+        ScalarType::parse(word)
             .ok_or_else(|| job.syntax(place(), format!("unknown property type `{}`", shown(word))))
     };
     match *rest {
         [b"list", count, item, name, ..] => {
-            let property = Property::List {
+            let property = PlyProperty::List {
                 count: kind(count)?,
                 item: kind(item)?,
             };
@@ -278,7 +278,7 @@ fn parse_property(
             Ok((shown(name), property))
         }
         [b"list", ..] => Err(job.syntax(place(), "a list property needs two types and a name")),
-        [type_name, name, ..] => Ok((shown(name), Property::Scalar(kind(type_name)?))),
+        [type_name, name, ..] => Ok((shown(name), PlyProperty::Scalar(kind(type_name)?))),
         _ => Err(job.syntax(place(), "a property line needs a type and a name")),
     }
 }

@@ -9,6 +9,7 @@
 mod columns;
 mod fixed;
 mod header;
+mod numbers;
 mod rows;
 mod stream;
 mod texture;
@@ -17,21 +18,21 @@ pub(super) use stream::open_stream;
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-use self::columns::Role;
-use self::header::{Element, Encoding, Header};
-use self::rows::{Ascii, Binary, Source};
+use self::columns::ElementRole;
+use self::header::{PlyElement, PlyEncoding, PlyHeader};
+use self::rows::{AsciiBody, BinaryBody, NumberSource};
 use self::texture::FacePlaces;
-use super::assemble::{Coordinates, Raw};
+use super::assemble::{FileCoordinates, RawMesh};
 use super::color::{ColorRange, ColorSink};
-use super::job::Job;
+use super::job::ReadJob;
 use super::part::PartFate;
 use super::polygon::FaceList;
-use super::{Counts, Error, Format, Place, Warning};
+use super::{Error, FileCounts, FilePlace, Format, ReadWarning};
 
 /// What has been read so far.
 #[derive(Debug)]
-struct Sink {
-    coordinates: Coordinates,
+struct ReadParts {
+    coordinates: FileCoordinates,
     normals: Vec<Vec3>,
     colors: ColorSink,
     /// A color is not opaque.
@@ -47,19 +48,19 @@ struct Sink {
 }
 
 /// Reads a PLY file.
-pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
-    let header = Header::parse(job, data)?;
+pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, RawMesh), Error> {
+    let header = PlyHeader::parse(job, data)?;
     let format = match header.encoding {
-        Encoding::Ascii => Format::PlyAscii,
-        Encoding::LittleEndian => Format::PlyBinaryLittleEndian,
-        Encoding::BigEndian => Format::PlyBinaryBigEndian,
+        PlyEncoding::Ascii => Format::PlyAscii,
+        PlyEncoding::LittleEndian => Format::PlyBinaryLittleEndian,
+        PlyEncoding::BigEndian => Format::PlyBinaryBigEndian,
     };
     job.check_vertices(header.vertices)?;
     if header.vertices == 0 {
         return Err(job.empty("the file has no vertices"));
     }
-    let mut sink = Sink {
-        coordinates: Coordinates::Double(Vec::new()),
+    let mut sink = ReadParts {
+        coordinates: FileCoordinates::Double(Vec::new()),
         normals: Vec::new(),
         colors: ColorSink::new([ColorRange::BYTE; 3]),
         is_transparent: false,
@@ -73,37 +74,40 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     let wanted = header
         .elements
         .iter()
-        .rposition(|element| element.role != Role::Other)
+        .rposition(|element| element.role != ElementRole::Other)
         .map_or(0, |last| last + 1);
     let elements = &header.elements[..wanted];
     let end = match header.encoding {
-        Encoding::Ascii => {
-            read_elements(job, &mut Ascii::new(data, header.end), elements, &mut sink)?
-        }
-        Encoding::LittleEndian => read_elements(
+        PlyEncoding::Ascii => read_elements(
             job,
-            &mut Binary::<false>::new(data, header.end),
+            &mut AsciiBody::new(data, header.end),
             elements,
             &mut sink,
         )?,
-        Encoding::BigEndian => read_elements(
+        PlyEncoding::LittleEndian => read_elements(
             job,
-            &mut Binary::<true>::new(data, header.end),
+            &mut BinaryBody::<false>::new(data, header.end),
+            elements,
+            &mut sink,
+        )?,
+        PlyEncoding::BigEndian => read_elements(
+            job,
+            &mut BinaryBody::<true>::new(data, header.end),
             elements,
             &mut sink,
         )?,
     };
     let rest = data[end..].trim_ascii_end().len() as u64;
     if wanted == header.elements.len() {
-        job.warn_count(rest, |bytes| Warning::TrailingBytes { bytes });
+        job.warn_count(rest, |bytes| ReadWarning::TrailingBytes { bytes });
     }
     sink.list.warn(job);
     sink.remark(job, &header);
-    let counts = Counts {
+    let counts = FileCounts {
         vertices: header.vertices,
         faces: sink.list.faces,
     };
-    let mut raw = Raw {
+    let mut raw = RawMesh {
         coordinates: sink.coordinates,
         normals: sink.normals,
         absent_normals: 0,
@@ -122,11 +126,11 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     Ok((format, raw))
 }
 
-fn read_elements<S: Source>(
-    job: &mut Job<'_>,
+fn read_elements<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
-    elements: &[Element],
-    sink: &mut Sink,
+    elements: &[PlyElement],
+    sink: &mut ReadParts,
 ) -> Result<usize, Error> {
     for element in elements {
         check_size(job, source, element)?;
@@ -141,7 +145,11 @@ fn read_elements<S: Source>(
 
 /// Refuses an element whose shortest possible rows do not fit in what is left of the file, so that a header that
 /// lies cannot ask for memory.
-fn check_size<S: Source>(job: &Job<'_>, source: &S, element: &Element) -> Result<(), Error> {
+fn check_size<S: NumberSource>(
+    job: &ReadJob<'_>,
+    source: &S,
+    element: &PlyElement,
+) -> Result<(), Error> {
     let needed = u128::from(element.count) * u128::from(source.smallest_row(element));
     // The last word of a text needs no space after it.
     let left = source.remaining() as u128 + 1;
@@ -159,10 +167,10 @@ fn check_size<S: Source>(job: &Job<'_>, source: &S, element: &Element) -> Result
     ))
 }
 
-impl Sink {
+impl ReadParts {
     /// Makes room for the vertices; the count has been checked against the bytes left.
     fn reserve_vertices(&mut self, count: usize, has_normals: bool, has_colors: bool) {
-        self.coordinates = Coordinates::Double(Vec::with_capacity(count));
+        self.coordinates = FileCoordinates::Double(Vec::with_capacity(count));
         self.normals = Vec::with_capacity(if has_normals { count } else { 0 });
         self.colors
             .colors
@@ -174,24 +182,24 @@ impl Sink {
     }
 
     fn push_position(&mut self, position: DVec3) {
-        if let Coordinates::Double(positions) = &mut self.coordinates {
+        if let FileCoordinates::Double(positions) = &mut self.coordinates {
             positions.push(position);
         }
     }
 }
 
-impl Sink {
+impl ReadParts {
     /// Says what the colors were read as.
-    fn remark(&self, job: &mut Job<'_>, header: &Header) {
+    fn remark(&self, job: &mut ReadJob<'_>, header: &PlyHeader) {
         let remarks = [&self.colors, &self.face_colors].map(ColorSink::remark);
         job.warnings.extend(remarks.into_iter().flatten());
         for element in &header.elements {
-            let Role::Vertices(columns) = element.role else {
+            let ElementRole::Vertices(columns) = element.role else {
                 continue;
             };
             if columns.are_splats {
                 let count = element.count;
-                job.warn(Warning::GaussianSplats { count });
+                job.warn(ReadWarning::GaussianSplats { count });
             }
             if let Some(alpha) = columns::alpha_of(&columns) {
                 let part = format!("property {} of {}", element.names[alpha], element.name);
@@ -209,7 +217,7 @@ impl Sink {
 }
 
 /// The error for an index that is no vertex.
-fn index_error(job: &Job<'_>, place: Place, index: f64, vertices: u64) -> Error {
+fn index_error(job: &ReadJob<'_>, place: FilePlace, index: f64, vertices: u64) -> Error {
     // The cast saturates; it only serves the message.
     job.index(place, "vertex", index as i64, vertices, 0)
 }

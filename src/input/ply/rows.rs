@@ -2,44 +2,50 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::super::color::{ColorSink, color_from_unit};
-use super::super::job::{Job, at_line};
-use super::super::part::Fault;
-use super::super::text::{Scanner, parse_f64};
-use super::super::{Error, Place};
-use super::columns::{ColorColumns, FaceColumns, Role, VertexColumns};
-use super::header::{Element, Property, Type};
-use super::{Sink, fixed, index_error};
+use super::super::color::ColorSink;
+use super::super::job::{ReadJob, at_line};
+use super::super::part::PartFault;
+use super::super::text::{TextScanner, parse_f64};
+use super::super::{Error, FilePlace};
+use super::columns::{ColorColumns, ElementRole, FaceColumns, VertexColumns};
+use super::header::{PlyElement, PlyProperty, ScalarType};
+use super::numbers::{decode, is_opaque, of_harmonics, packed_bits, unpacked};
+use super::{ReadParts, fixed, index_error};
 
 /// Gives the numbers of a body in order. All types fit a double but 64-bit integers, which no index reaches.
-pub(super) trait Source {
+pub(super) trait NumberSource {
     /// The next number.
-    fn number(&mut self, job: &Job<'_>, kind: Type) -> Result<f64, Error>;
+    fn number(&mut self, job: &ReadJob<'_>, kind: ScalarType) -> Result<f64, Error>;
     /// The next number, where no shape depends on it: what is no number is 0, with a note of the fault.
-    fn dispensable(&mut self, job: &mut Job<'_>, kind: Type, fault: Fault) -> Result<f64, Error>;
+    fn dispensable(
+        &mut self,
+        job: &mut ReadJob<'_>,
+        kind: ScalarType,
+        fault: PartFault,
+    ) -> Result<f64, Error>;
     /// The next number of four bytes as bits that hold a packed color.
-    fn packed(&mut self, job: &mut Job<'_>, kind: Type) -> Result<u32, Error>;
+    fn packed(&mut self, job: &mut ReadJob<'_>, kind: ScalarType) -> Result<u32, Error>;
     /// Offset of the next byte.
     fn at(&self) -> usize;
     /// Bytes left.
     fn remaining(&self) -> usize;
     /// The place of an offset in the words of this encoding.
-    fn place(&self, at: usize) -> Place;
+    fn place(&self, at: usize) -> FilePlace;
     /// Least number of bytes that one number takes.
-    fn smallest_number(&self, kind: Type) -> usize;
+    fn smallest_number(&self, kind: ScalarType) -> usize;
     /// Reads an element the fast way when its rows allow it; false, having moved nothing, when they do not.
     fn read_fixed(
         &mut self,
-        job: &Job<'_>,
-        element: &Element,
-        sink: &mut Sink,
+        job: &ReadJob<'_>,
+        element: &PlyElement,
+        sink: &mut ReadParts,
     ) -> Result<bool, Error>;
 
     /// Least number of bytes that a row takes: its lists are empty.
-    fn smallest_row(&self, element: &Element) -> u64 {
-        let of = |property: &Property| match *property {
-            Property::Scalar(kind) => self.smallest_number(kind) as u64,
-            Property::List { count, .. } => self.smallest_number(count) as u64,
+    fn smallest_row(&self, element: &PlyElement) -> u64 {
+        let of = |property: &PlyProperty| match *property {
+            PlyProperty::Scalar(kind) => self.smallest_number(kind) as u64,
+            PlyProperty::List { count, .. } => self.smallest_number(count) as u64,
         };
         element.properties.iter().map(of).sum()
     }
@@ -47,21 +53,21 @@ pub(super) trait Source {
 
 /// A text body: words, wherever the lines end.
 #[derive(Debug)]
-pub(super) struct Ascii<'a> {
-    scanner: Scanner<'a>,
+pub(super) struct AsciiBody<'a> {
+    scanner: TextScanner<'a>,
 }
 
-impl<'a> Ascii<'a> {
+impl<'a> AsciiBody<'a> {
     pub(super) fn new(data: &'a [u8], at: usize) -> Self {
         Self {
-            scanner: Scanner::new(data, at),
+            scanner: TextScanner::new(data, at),
         }
     }
 }
 
-impl Source for Ascii<'_> {
+impl NumberSource for AsciiBody<'_> {
     #[inline]
-    fn number(&mut self, job: &Job<'_>, _kind: Type) -> Result<f64, Error> {
+    fn number(&mut self, job: &ReadJob<'_>, _kind: ScalarType) -> Result<f64, Error> {
         let Some((word, at)) = self.scanner.word() else {
             return Err(job.truncated(self.place(self.scanner.data.len()), "a number is missing"));
         };
@@ -69,7 +75,12 @@ impl Source for Ascii<'_> {
     }
 
     #[inline]
-    fn dispensable(&mut self, job: &mut Job<'_>, _: Type, fault: Fault) -> Result<f64, Error> {
+    fn dispensable(
+        &mut self,
+        job: &mut ReadJob<'_>,
+        _: ScalarType,
+        fault: PartFault,
+    ) -> Result<f64, Error> {
         let Some((word, at)) = self.scanner.word() else {
             return Err(job.truncated(self.place(self.scanner.data.len()), "a number is missing"));
         };
@@ -79,8 +90,8 @@ impl Source for Ascii<'_> {
         }))
     }
 
-    fn packed(&mut self, job: &mut Job<'_>, kind: Type) -> Result<u32, Error> {
-        let value = self.dispensable(job, kind, Fault::COLOR)?;
+    fn packed(&mut self, job: &mut ReadJob<'_>, kind: ScalarType) -> Result<u32, Error> {
+        let value = self.dispensable(job, kind, PartFault::COLOR)?;
         Ok(if kind.is_float() && value.fract() != 0.0 {
             (value as f32).to_bits()
         } else {
@@ -97,30 +108,35 @@ impl Source for Ascii<'_> {
         self.scanner.data.len() - self.scanner.at
     }
 
-    fn place(&self, at: usize) -> Place {
+    fn place(&self, at: usize) -> FilePlace {
         at_line(self.scanner.data, at)
     }
 
     /// A digit and a space.
-    fn smallest_number(&self, _kind: Type) -> usize {
+    fn smallest_number(&self, _kind: ScalarType) -> usize {
         2
     }
 
-    fn read_fixed(&mut self, _: &Job<'_>, _: &Element, _: &mut Sink) -> Result<bool, Error> {
+    fn read_fixed(
+        &mut self,
+        _: &ReadJob<'_>,
+        _: &PlyElement,
+        _: &mut ReadParts,
+    ) -> Result<bool, Error> {
         Ok(false)
     }
 }
 
 /// A binary body, most significant byte first when `BIG`.
 #[derive(Debug)]
-pub(super) struct Binary<'a, const BIG: bool> {
+pub(super) struct BinaryBody<'a, const BIG: bool> {
     data: &'a [u8],
     at: usize,
     /// Bytes of the file before `data`.
     before: u64,
 }
 
-impl<'a, const BIG: bool> Binary<'a, BIG> {
+impl<'a, const BIG: bool> BinaryBody<'a, BIG> {
     pub(super) fn new(data: &'a [u8], at: usize) -> Self {
         Self {
             data,
@@ -135,73 +151,9 @@ impl<'a, const BIG: bool> Binary<'a, BIG> {
     }
 }
 
-/// The number at the start of `bytes`; zero when they are too few, which callers have excluded.
-#[inline]
-pub(super) fn decode<const BIG: bool>(bytes: &[u8], kind: Type) -> f64 {
-    macro_rules! number {
-        ($type:ty) => {
-            match bytes.first_chunk() {
-                Some(&chunk) if BIG => <$type>::from_be_bytes(chunk) as f64,
-                Some(&chunk) => <$type>::from_le_bytes(chunk) as f64,
-                None => 0.0,
-            }
-        };
-    }
-    match kind {
-        Type::I8 => number!(i8),
-        Type::U8 => number!(u8),
-        Type::I16 => number!(i16),
-        Type::U16 => number!(u16),
-        Type::I32 => number!(i32),
-        Type::U32 => number!(u32),
-        Type::I64 => number!(i64),
-        Type::U64 => number!(u64),
-        Type::F32 => number!(f32),
-        Type::F64 => number!(f64),
-    }
-}
-
-/// The bits of a packed color of four bytes at the start of `bytes`. A float may hold the bits or their number.
-#[inline]
-pub(super) fn packed_bits<const BIG: bool>(bytes: &[u8], kind: Type) -> u32 {
-    let bits = match bytes.first_chunk() {
-        Some(&chunk) if BIG => u32::from_be_bytes(chunk),
-        Some(&chunk) => u32::from_le_bytes(chunk),
-        None => 0,
-    };
-    let value = f32::from_bits(bits);
-    let is_number = (1.0..=16_777_215.0).contains(&value) && value.fract() == 0.0;
-    if kind.is_float() && is_number {
-        value as u32
-    } else {
-        bits
-    }
-}
-
-/// The color in the bits of a number.
-#[inline]
-pub(super) fn unpacked(bits: u32) -> [u8; 4] {
-    let [blue, green, red, _] = bits.to_le_bytes();
-    [red, green, blue, 255]
-}
-
-/// The color of the constant part of spherical harmonics: 0.5 and Y00 = 1 / (2 sqrt(pi)) of it.
-#[inline]
-pub(super) fn of_harmonics(values: [f64; 3]) -> [u8; 4] {
-    const Y00: f64 = 0.282_094_791_773_878_14;
-    let [red, green, blue] = values.map(|value| color_from_unit(0.5 + Y00 * value));
-    [red, green, blue, 255]
-}
-
-/// Whether an alpha means opaque in any of the ranges.
-#[inline]
-pub(super) fn is_opaque(alpha: f64) -> bool {
-    matches!(alpha, -1.0 | 1.0 | 255.0 | 65535.0)
-}
-
-impl<const BIG: bool> Source for Binary<'_, BIG> {
+impl<const BIG: bool> NumberSource for BinaryBody<'_, BIG> {
     #[inline]
-    fn number(&mut self, job: &Job<'_>, kind: Type) -> Result<f64, Error> {
+    fn number(&mut self, job: &ReadJob<'_>, kind: ScalarType) -> Result<f64, Error> {
         match self.data.get(self.at..self.at + kind.size()) {
             Some(bytes) => {
                 self.at += kind.size();
@@ -212,11 +164,16 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
     }
 
     #[inline]
-    fn dispensable(&mut self, job: &mut Job<'_>, kind: Type, _: Fault) -> Result<f64, Error> {
+    fn dispensable(
+        &mut self,
+        job: &mut ReadJob<'_>,
+        kind: ScalarType,
+        _: PartFault,
+    ) -> Result<f64, Error> {
         self.number(job, kind)
     }
 
-    fn packed(&mut self, job: &mut Job<'_>, kind: Type) -> Result<u32, Error> {
+    fn packed(&mut self, job: &mut ReadJob<'_>, kind: ScalarType) -> Result<u32, Error> {
         let start = self.at;
         self.number(job, kind)?;
         Ok(packed_bits::<BIG>(&self.data[start..], kind))
@@ -230,19 +187,19 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
         self.data.len() - self.at
     }
 
-    fn place(&self, at: usize) -> Place {
-        Place::Byte(self.before + at as u64)
+    fn place(&self, at: usize) -> FilePlace {
+        FilePlace::Byte(self.before + at as u64)
     }
 
-    fn smallest_number(&self, kind: Type) -> usize {
+    fn smallest_number(&self, kind: ScalarType) -> usize {
         kind.size()
     }
 
     fn read_fixed(
         &mut self,
-        job: &Job<'_>,
-        element: &Element,
-        sink: &mut Sink,
+        job: &ReadJob<'_>,
+        element: &PlyElement,
+        sink: &mut ReadParts,
     ) -> Result<bool, Error> {
         let read = fixed::read::<BIG>(job, &self.data[self.at..], element, sink)?;
         self.at += read.unwrap_or(0);
@@ -251,23 +208,23 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
 }
 
 /// Reads all rows of an element.
-pub(super) fn read<S: Source>(
-    job: &mut Job<'_>,
+pub(super) fn read<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
-    element: &Element,
-    sink: &mut Sink,
+    element: &PlyElement,
+    sink: &mut ReadParts,
 ) -> Result<(), Error> {
     if element.properties.is_empty() {
         return Ok(());
     }
     match element.role {
-        Role::Vertices(columns) => read_vertices(job, source, element, &columns, sink),
-        Role::Faces(columns) => read_faces(job, source, element, &columns, sink),
-        Role::Strips(list) => {
+        ElementRole::Vertices(columns) => read_vertices(job, source, element, &columns, sink),
+        ElementRole::Faces(columns) => read_faces(job, source, element, &columns, sink),
+        ElementRole::Strips(list) => {
             for _ in 0..element.count {
                 for (index, property) in element.properties.iter().enumerate() {
                     match *property {
-                        Property::List { count, item } if index == list => {
+                        PlyProperty::List { count, item } if index == list => {
                             let length = read_length(job, source, count, item)?;
                             read_strips(job, source, length, item, sink)?;
                         }
@@ -278,7 +235,7 @@ pub(super) fn read<S: Source>(
             }
             Ok(())
         }
-        Role::Other => {
+        ElementRole::Other => {
             for _ in 0..element.count {
                 for &property in &element.properties {
                     skip(job, source, property)?;
@@ -292,26 +249,30 @@ pub(super) fn read<S: Source>(
 
 /// Passes a property that is not read.
 #[inline]
-fn skip<S: Source>(job: &mut Job<'_>, source: &mut S, property: Property) -> Result<(), Error> {
+fn skip<S: NumberSource>(
+    job: &mut ReadJob<'_>,
+    source: &mut S,
+    property: PlyProperty,
+) -> Result<(), Error> {
     match property {
-        Property::Scalar(kind) => {
-            source.dispensable(job, kind, Fault::EXTRA)?;
+        PlyProperty::Scalar(kind) => {
+            source.dispensable(job, kind, PartFault::EXTRA)?;
         }
-        Property::List { count, item } => {
+        PlyProperty::List { count, item } => {
             for _ in 0..read_length(job, source, count, item)? {
-                source.dispensable(job, item, Fault::EXTRA)?;
+                source.dispensable(job, item, PartFault::EXTRA)?;
             }
         }
     }
     Ok(())
 }
 
-fn read_faces<S: Source>(
-    job: &mut Job<'_>,
+fn read_faces<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
-    element: &Element,
+    element: &PlyElement,
     columns: &FaceColumns,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) -> Result<(), Error> {
     // The smallest row has been checked to fit, so this is in proportion to the file.
     sink.list.triangles.reserve(element.count as usize);
@@ -327,17 +288,17 @@ fn read_faces<S: Source>(
         let before = sink.list.triangles.len();
         for (index, &property) in element.properties.iter().enumerate() {
             match property {
-                Property::List { count, item } if index == columns.corners => {
+                PlyProperty::List { count, item } if index == columns.corners => {
                     let length = read_length(job, source, count, item)?;
                     read_polygon(job, source, length, item, sink, &mut corners)?;
                 }
-                Property::List { count, item } if columns.places == Some(index) => {
+                PlyProperty::List { count, item } if columns.places == Some(index) => {
                     for _ in 0..read_length(job, source, count, item)? {
-                        places.push(source.dispensable(job, item, Fault::TEXTURE)? as f32);
+                        places.push(source.dispensable(job, item, PartFault::TEXTURE)? as f32);
                     }
                 }
-                Property::Scalar(kind) => {
-                    let value = source.dispensable(job, kind, Fault::EXTRA)?;
+                PlyProperty::Scalar(kind) => {
+                    let value = source.dispensable(job, kind, PartFault::EXTRA)?;
                     if columns
                         .texture
                         .is_some_and(|column| column.property == index)
@@ -372,11 +333,11 @@ fn read_faces<S: Source>(
 
 /// Reads the length of a list and checks that so many items can follow.
 #[inline]
-fn read_length<S: Source>(
-    job: &Job<'_>,
+fn read_length<S: NumberSource>(
+    job: &ReadJob<'_>,
     source: &mut S,
-    count: Type,
-    item: Type,
+    count: ScalarType,
+    item: ScalarType,
 ) -> Result<u64, Error> {
     let start = source.at();
     let length = source.number(job, count)?;
@@ -401,10 +362,10 @@ fn read_length<S: Source>(
 }
 
 #[inline]
-fn read_index<S: Source>(
-    job: &Job<'_>,
+fn read_index<S: NumberSource>(
+    job: &ReadJob<'_>,
     source: &mut S,
-    kind: Type,
+    kind: ScalarType,
     vertices: u64,
 ) -> Result<u32, Error> {
     let value = source.number(job, kind)?;
@@ -424,12 +385,12 @@ fn read_index<S: Source>(
 
 /// Reads a polygon; `corners` is memory to use.
 #[inline]
-fn read_polygon<S: Source>(
-    job: &Job<'_>,
+fn read_polygon<S: NumberSource>(
+    job: &ReadJob<'_>,
     source: &mut S,
     length: u64,
-    kind: Type,
-    sink: &mut Sink,
+    kind: ScalarType,
+    sink: &mut ReadParts,
     corners: &mut Vec<u32>,
 ) -> Result<(), Error> {
     if length < 3 {
@@ -449,12 +410,12 @@ fn read_polygon<S: Source>(
 }
 
 /// Reads strips that negative numbers end. Triangles that name a vertex twice only turn a strip and are dropped.
-fn read_strips<S: Source>(
-    job: &Job<'_>,
+fn read_strips<S: NumberSource>(
+    job: &ReadJob<'_>,
     source: &mut S,
     length: u64,
-    kind: Type,
-    sink: &mut Sink,
+    kind: ScalarType,
+    sink: &mut ReadParts,
 ) -> Result<(), Error> {
     let (mut a, mut b, mut in_strip) = (0, 0, 0_u64);
     for _ in 0..length {
@@ -486,26 +447,26 @@ fn read_strips<S: Source>(
 }
 
 /// The first three numbers of a list of color values; a short one has zeros.
-fn listed_color<S: Source>(
-    job: &mut Job<'_>,
+fn listed_color<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
-    count: Type,
-    item: Type,
+    count: ScalarType,
+    item: ScalarType,
 ) -> Result<[f64; 3], Error> {
     let mut color = [0.0; 3];
     for index in 0..read_length(job, source, count, item)? as usize {
-        let value = item.color_value(source.dispensable(job, item, Fault::COLOR)?);
+        let value = item.color_value(source.dispensable(job, item, PartFault::COLOR)?);
         (color.iter_mut().skip(index).take(1)).for_each(|channel| *channel = value);
     }
     Ok(color)
 }
 
-fn read_vertices<S: Source>(
-    job: &mut Job<'_>,
+fn read_vertices<S: NumberSource>(
+    job: &mut ReadJob<'_>,
     source: &mut S,
-    element: &Element,
+    element: &PlyElement,
     columns: &VertexColumns,
-    sink: &mut Sink,
+    sink: &mut ReadParts,
 ) -> Result<(), Error> {
     sink.reserve_vertices(
         element.count as usize,
@@ -549,29 +510,29 @@ fn read_vertices<S: Source>(
     for _ in 0..element.count {
         for (index, (&property, &slot)) in element.properties.iter().zip(&slot_of).enumerate() {
             match property {
-                Property::Scalar(kind) if slot < 3 => values[slot] = source.number(job, kind)?,
-                Property::Scalar(kind) if Some(index) == packed => {
+                PlyProperty::Scalar(kind) if slot < 3 => values[slot] = source.number(job, kind)?,
+                PlyProperty::Scalar(kind) if Some(index) == packed => {
                     let color = unpacked(source.packed(job, kind)?);
                     sink.colors.colors.push(color);
                 }
-                Property::Scalar(kind) => {
+                PlyProperty::Scalar(kind) => {
                     let fault = match slot {
-                        3..=5 => Fault::NORMAL,
-                        6..=8 => Fault::COLOR,
-                        ALPHA | IGNORED => Fault::EXTRA,
-                        _ => Fault::TEXTURE,
+                        3..=5 => PartFault::NORMAL,
+                        6..=8 => PartFault::COLOR,
+                        ALPHA | IGNORED => PartFault::EXTRA,
+                        _ => PartFault::TEXTURE,
                     };
                     let value = source.dispensable(job, kind, fault)?;
-                    values[slot] = if fault == Fault::COLOR {
+                    values[slot] = if fault == PartFault::COLOR {
                         kind.color_value(value)
                     } else {
                         value
                     };
                 }
-                Property::List { count, item } if Some(index) == listed => {
+                PlyProperty::List { count, item } if Some(index) == listed => {
                     values[6..9].copy_from_slice(&listed_color(job, source, count, item)?);
                 }
-                Property::List { .. } => skip(job, source, property)?,
+                PlyProperty::List { .. } => skip(job, source, property)?,
             }
         }
         sink.push_position(DVec3::new(values[0], values[1], values[2]));

@@ -1,17 +1,18 @@
 //! Binary PLY piece by piece. Rows of vertices have one size; rows of faces are read one after the other.
 
-use super::columns::{ColorColumns, Role, VertexColumns};
-use super::header::{Element, Encoding, Header, Property, Type};
-use super::rows::{self, Binary, Source};
-use super::{Sink, fixed};
-use crate::input::assemble::{Coordinates, normalize};
+use super::columns::{ColorColumns, ElementRole, VertexColumns};
+use super::header::{PlyElement, PlyEncoding, PlyHeader, PlyProperty, ScalarType};
+use super::numbers;
+use super::rows::{self, BinaryBody, NumberSource};
+use super::{ReadParts, fixed};
+use crate::input::assemble::{FileCoordinates, normalize};
 use crate::input::color::{ColorRange, ColorSink};
-use crate::input::job::Job;
+use crate::input::job::ReadJob;
 use crate::input::polygon::FaceList;
 use crate::input::stream::{RowFile, StreamedModel, boxed};
-use crate::input::{Error, Format, Options, Warning};
+use crate::input::{Error, Format, ReadOptions, ReadWarning};
 use crate::mesh::stream::{MeshStream, PIECE, StreamError, StreamFacts, TakePiece, VertexPiece};
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -27,8 +28,8 @@ const RANGE_BYTES: u64 = 8 << 20;
 #[derive(Debug)]
 struct PlyRows {
     file: RowFile,
-    options: Options,
-    vertex: Element,
+    options: ReadOptions,
+    vertex: PlyElement,
     columns: VertexColumns,
     /// Bytes of a vertex.
     stride: u64,
@@ -49,7 +50,7 @@ struct PlyStream<const BIG: bool> {
 /// The rows of faces.
 #[derive(Debug)]
 struct FaceRows {
-    element: Element,
+    element: PlyElement,
     /// Offset of the first.
     at: u64,
 }
@@ -59,11 +60,11 @@ struct FaceRows {
 /// # Errors
 /// The header is damaged.
 pub(in crate::input) fn open_stream(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     file: RowFile,
     head: &[u8],
 ) -> Result<Option<StreamedModel>, Error> {
-    let header = Header::parse(job, head)?;
+    let header = PlyHeader::parse(job, head)?;
     let Some(plan) = plan(&header) else {
         return Ok(None);
     };
@@ -85,7 +86,7 @@ pub(in crate::input) fn open_stream(
         vertices_at,
         faces: plan.faces.map(|(element, at)| FaceRows { element, at }),
     };
-    let is_big = header.encoding == Encoding::BigEndian;
+    let is_big = header.encoding == PlyEncoding::BigEndian;
     let stream: Box<dyn MeshStream> = match is_big {
         true => Box::new(PlyStream::<true>::new(rows)),
         false => Box::new(PlyStream::<false>::new(rows)),
@@ -103,25 +104,25 @@ pub(in crate::input) fn open_stream(
 
 /// Where the elements are that are read.
 struct StreamPlan {
-    vertices: (Element, VertexColumns, u64),
-    faces: Option<(Element, u64)>,
+    vertices: (PlyElement, VertexColumns, u64),
+    faces: Option<(PlyElement, u64)>,
 }
 
 /// Finds the elements; `None` where something must be read that is no piece of a stream.
-fn plan(header: &Header) -> Option<StreamPlan> {
-    if header.encoding == Encoding::Ascii {
+fn plan(header: &PlyHeader) -> Option<StreamPlan> {
+    if header.encoding == PlyEncoding::Ascii {
         return None;
     }
     let (mut at, mut vertices) = (header.end as u64, None);
     for element in &header.elements {
         match element.role {
-            Role::Vertices(columns) => {
+            ElementRole::Vertices(columns) => {
                 if !can_stream(&columns) {
                     return None;
                 }
                 vertices = Some((element.clone(), columns, at));
             }
-            Role::Faces(columns) => {
+            ElementRole::Faces(columns) => {
                 let has_more = columns.color.is_some()
                     || columns.places.is_some()
                     || columns.texture.is_some();
@@ -135,8 +136,8 @@ fn plan(header: &Header) -> Option<StreamPlan> {
                     return Some(StreamPlan { vertices, faces });
                 }
             }
-            Role::Strips(_) => return None,
-            Role::Other => {}
+            ElementRole::Strips(_) => return None,
+            ElementRole::Other => {}
         }
         if element.count > 0 {
             let Some(stride) = element.stride() else {
@@ -149,10 +150,10 @@ fn plan(header: &Header) -> Option<StreamPlan> {
     let after = header
         .elements
         .iter()
-        .skip_while(|e| !matches!(e.role, Role::Vertices(_)));
+        .skip_while(|e| !matches!(e.role, ElementRole::Vertices(_)));
     let has_more = after
         .filter(|e| e.count > 0)
-        .any(|e| matches!(e.role, Role::Faces(_) | Role::Strips(_)));
+        .any(|e| matches!(e.role, ElementRole::Faces(_) | ElementRole::Strips(_)));
     if has_more {
         return None;
     }
@@ -168,7 +169,7 @@ fn can_stream(columns: &VertexColumns) -> bool {
         None | Some(ColorColumns::Packed(_)) => true,
         Some(ColorColumns::Channels { rgb, .. }) => rgb
             .iter()
-            .all(|column| matches!(column.kind, Type::U8 | Type::I8)),
+            .all(|column| matches!(column.kind, ScalarType::U8 | ScalarType::I8)),
         Some(ColorColumns::Harmonics(_) | ColorColumns::Listed(_)) => false,
     };
     are_bytes && !columns.are_splats && columns.place.is_none()
@@ -183,9 +184,9 @@ impl<const BIG: bool> PlyStream<BIG> {
         }
     }
 
-    fn sink(&self) -> Sink {
-        Sink {
-            coordinates: Coordinates::Double(Vec::new()),
+    fn sink(&self) -> ReadParts {
+        ReadParts {
+            coordinates: FileCoordinates::Double(Vec::new()),
             normals: Vec::new(),
             colors: ColorSink::new([ColorRange::BYTE; 3]),
             is_transparent: false,
@@ -211,9 +212,11 @@ impl<const BIG: bool> PlyStream<BIG> {
         normalize(&mut sink.normals);
         VertexPiece {
             positions: match sink.coordinates {
-                Coordinates::Single(points) => points.par_iter().map(|p| p.as_dvec3()).collect(),
-                Coordinates::Double(points) => points,
-                Coordinates::Steps(_) => Vec::new(),
+                FileCoordinates::Single(points) => {
+                    points.par_iter().map(|p| p.as_dvec3()).collect()
+                }
+                FileCoordinates::Double(points) => points,
+                FileCoordinates::Steps(_) => Vec::new(),
             },
             normals: sink.normals,
             colors: sink.colors.colors,
@@ -226,9 +229,9 @@ impl<const BIG: bool> PlyStream<BIG> {
         faces: &FaceRows,
         at: u64,
         count: u64,
-        sink: &mut Sink,
+        sink: &mut ReadParts,
     ) -> Result<Option<u64>, Error> {
-        let Role::Faces(columns) = faces.element.role else {
+        let ElementRole::Faces(columns) = faces.element.role else {
             return Ok(None);
         };
         let Some(stride) = fixed::triangle_stride(&faces.element, columns.corners) else {
@@ -239,11 +242,16 @@ impl<const BIG: bool> PlyStream<BIG> {
             return Ok(None);
         }
         let data = self.rows.file.read(at, bytes)?;
-        let element = Element {
+        let element = PlyElement {
             count,
             ..faces.element.clone()
         };
-        let job = Job::new(&self.rows.file.path, None, &self.rows.options, &Silent);
+        let job = ReadJob::new(
+            &self.rows.file.path,
+            None,
+            &self.rows.options,
+            &SilentProgress,
+        );
         let read = fixed::read::<BIG>(&job, &data, &element, sink)?;
         Ok(read.map(|read| at + read as u64))
     }
@@ -254,7 +262,7 @@ impl<const BIG: bool> PlyStream<BIG> {
         faces: &FaceRows,
         at: u64,
         left: u64,
-        sink: &mut Sink,
+        sink: &mut ReadParts,
     ) -> Result<FaceProgress, Error> {
         let mut wanted = FACE_BYTES;
         loop {
@@ -267,7 +275,7 @@ impl<const BIG: bool> PlyStream<BIG> {
                 continue;
             }
             // What is cut short is read, too: the reader says where.
-            let element = Element {
+            let element = PlyElement {
                 count: if is_all {
                     left.min(count.max(1))
                 } else {
@@ -275,8 +283,13 @@ impl<const BIG: bool> PlyStream<BIG> {
                 },
                 ..faces.element.clone()
             };
-            let mut job = Job::new(&self.rows.file.path, None, &self.rows.options, &Silent);
-            let mut source = Binary::<BIG>::new(&data, 0).behind(at);
+            let mut job = ReadJob::new(
+                &self.rows.file.path,
+                None,
+                &self.rows.options,
+                &SilentProgress,
+            );
+            let mut source = BinaryBody::<BIG>::new(&data, 0).behind(at);
             rows::read(&mut job, &mut source, &element, sink)?;
             let sink_list = std::mem::take(&mut sink.list);
             sink.list = self.cut(&mut job, sink_list)?;
@@ -288,7 +301,7 @@ impl<const BIG: bool> PlyStream<BIG> {
     }
 
     /// Cuts the polygons of a piece.
-    fn cut(&self, job: &mut Job<'_>, mut list: FaceList) -> Result<FaceList, Error> {
+    fn cut(&self, job: &mut ReadJob<'_>, mut list: FaceList) -> Result<FaceList, Error> {
         if list.polygons.faces().next().is_none() {
             return Ok(list);
         }
@@ -339,19 +352,19 @@ struct FaceProgress {
 }
 
 /// Number of whole rows at the beginning of some bytes.
-fn whole_rows<const BIG: bool>(data: &[u8], element: &Element) -> u64 {
+fn whole_rows<const BIG: bool>(data: &[u8], element: &PlyElement) -> u64 {
     let (mut at, mut count) = (0usize, 0u64);
     loop {
         for property in &element.properties {
             match *property {
-                Property::Scalar(kind) => at = at.saturating_add(kind.size()),
-                Property::List { count, item } => {
+                PlyProperty::Scalar(kind) => at = at.saturating_add(kind.size()),
+                PlyProperty::List { count, item } => {
                     let Some(bytes) = data.get(at..at.saturating_add(count.size())) else {
                         at = usize::MAX;
                         break;
                     };
                     // A length that is none is left to the reader. The cast saturates.
-                    let length = rows::decode::<BIG>(bytes, count).max(0.0) as usize;
+                    let length = numbers::decode::<BIG>(bytes, count).max(0.0) as usize;
                     at = at
                         .saturating_add(count.size())
                         .saturating_add(length.saturating_mul(item.size()));
@@ -440,8 +453,8 @@ impl<const BIG: bool> MeshStream for PlyStream<BIG> {
         let small = self.left_out.load(Ordering::Relaxed);
         let repeated = self.repeated.load(Ordering::Relaxed);
         let warnings = [
-            (small > 0).then_some(Warning::FacesTooSmall { count: small }),
-            (repeated > 0).then_some(Warning::FirstCornerRepeated { count: repeated }),
+            (small > 0).then_some(ReadWarning::FacesTooSmall { count: small }),
+            (repeated > 0).then_some(ReadWarning::FirstCornerRepeated { count: repeated }),
         ];
         let warnings = warnings.into_iter().flatten();
         warnings.map(|warning| warning.to_string()).collect()

@@ -3,9 +3,9 @@
 
 use glam::Vec2;
 
-use super::header::Header;
-use crate::input::assemble::Raw;
-use crate::input::job::Job;
+use super::header::PlyHeader;
+use crate::input::assemble::RawMesh;
+use crate::input::job::ReadJob;
 use crate::input::mtl::MaterialFolder;
 use crate::input::part::PartFate;
 use crate::input::text::shown;
@@ -52,10 +52,10 @@ impl FacePlaces {
 
 /// What was read of textures; none where a file names none, or says nowhere where they are.
 pub(super) fn textures_of(
-    job: &mut Job<'_>,
-    header: &Header,
+    job: &mut ReadJob<'_>,
+    header: &PlyHeader,
     (places, faces): (Vec<Vec2>, FacePlaces),
-    raw: &Raw,
+    raw: &RawMesh,
 ) -> Option<RawTextures> {
     let has_places = !places.is_empty() || !faces.corners.is_empty();
     if header.textures.is_empty() {

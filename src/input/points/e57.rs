@@ -9,12 +9,12 @@ use e57::{E57Reader, PointCloud, RawValues, Record, RecordDataType, RecordName, 
 use glam::{DQuat, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::super::assemble::Raw;
+use super::super::assemble::RawMesh;
 use super::super::color::ColorRange;
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::part::PartFate;
 use super::super::text::shown;
-use super::super::{Error, Format, Place, Warning};
+use super::super::{Error, FilePlace, Format, ReadWarning};
 use super::guard::guarded;
 use super::roles::{ColumnRole, attribute_name, kind_of, role_of_name};
 use super::sink::{CloudSink, TableBlock};
@@ -90,10 +90,13 @@ struct ScanBlock {
 }
 
 /// Reads an E57 file.
-pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(
+    job: &mut ReadJob<'_>,
+    data: &[u8],
+) -> Result<(Format, RawMesh), Error> {
     check_header(job, data)?;
     let open = || E57Reader::new(Cursor::new(data)).map_err(|error| error.to_string());
-    let reader = guarded(open).map_err(|reason| job.syntax(Place::Byte(0), short(&reason)))?;
+    let reader = guarded(open).map_err(|reason| job.syntax(FilePlace::Byte(0), short(&reason)))?;
     let scans = reader.pointclouds();
     if scans.is_empty() {
         return Err(job.empty("the file has no scans"));
@@ -104,7 +107,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
     for (index, scan) in scans.iter().enumerate() {
         let plan = ScanPlan::of(scan, &columns, scans.len() > 1).map_err(|reason| {
             job.syntax(
-                Place::Byte(scan.file_offset),
+                FilePlace::Byte(scan.file_offset),
                 format!("scan {index}: {reason}"),
             )
         })?;
@@ -133,13 +136,13 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
         sink.holes += block.holes;
         if let Some(reason) = block.failure.take() {
             if block.read == 0 && scans.len() == 1 {
-                return Err(job.syntax(Place::Byte(scan.file_offset), short(&reason)));
+                return Err(job.syntax(FilePlace::Byte(scan.file_offset), short(&reason)));
             }
             let parts = vec![format!("the rest of scan {index} ({})", short(&reason))];
-            job.warn(Warning::LeftOut { parts });
+            job.warn(ReadWarning::LeftOut { parts });
         }
         if block.read < scan.records {
-            job.warn(Warning::CountContradicts {
+            job.warn(ReadWarning::CountContradicts {
                 what: "points of a scan",
                 promised: scan.records,
                 found: block.read,
@@ -160,13 +163,13 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
 }
 
 /// Holds the lengths in the header against the file: memory for the description is asked for by them.
-fn check_header(job: &Job<'_>, data: &[u8]) -> Result<(), Error> {
+fn check_header(job: &ReadJob<'_>, data: &[u8]) -> Result<(), Error> {
     let number = |at| u64::from_le_bytes(bytes_at(data, at));
     let (xml_at, xml_bytes) = (number(24), number(32));
     let end = xml_at.checked_add(xml_bytes);
     if data.len() < 48 || end.is_none_or(|end| end > data.len() as u64) {
         let missing = format!("the description of {xml_bytes} bytes at byte {xml_at}");
-        return Err(job.truncated(Place::Byte(data.len() as u64), missing));
+        return Err(job.truncated(FilePlace::Byte(data.len() as u64), missing));
     }
     Ok(())
 }
@@ -177,7 +180,7 @@ fn short(reason: &str) -> String {
     line.chars().take(200).collect()
 }
 
-fn list_others(job: &mut Job<'_>, reader: &E57Reader<Cursor<&[u8]>>) {
+fn list_others(job: &mut ReadJob<'_>, reader: &E57Reader<Cursor<&[u8]>>) {
     let images = reader.images().len() as u64;
     job.inventory
         .add_some("pictures", images, PartFate::Unneeded, "");

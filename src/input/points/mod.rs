@@ -11,7 +11,7 @@ mod sink;
 pub(super) mod text;
 
 use super::Error;
-use super::job::Job;
+use super::job::ReadJob;
 use super::part::PartFate;
 use crate::mesh::attributes::AttributeColumn;
 
@@ -22,7 +22,7 @@ const LARGEST_RATIO: u64 = 256;
 
 /// Refuses more points than the packed bytes can honestly stand for.
 fn check_unpacked(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     points: u64,
     point_bytes: u64,
     packed_bytes: u64,
@@ -36,7 +36,7 @@ fn check_unpacked(
 }
 
 /// Keeps the columns that hold anything: an optional one that is zero everywhere says nothing. Lists all of them.
-fn keep_attributes(job: &mut Job<'_>, columns: Vec<AttributeColumn>) {
+fn keep_attributes(job: &mut ReadJob<'_>, columns: Vec<AttributeColumn>) {
     for column in columns {
         let name = format!("attribute {}", column.name);
         let count = column.values.len() as u64;

@@ -3,11 +3,11 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::super::assemble::{Coordinates, Raw};
+use super::super::assemble::{FileCoordinates, RawMesh};
 use super::super::color::{ColorRange, ColorSink};
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::polygon::PolygonRuns;
-use super::super::{Counts, Error, Warning};
+use super::super::{Error, FileCounts, ReadWarning};
 use super::keep_attributes;
 use crate::mesh::attributes::{AttributeColumn, AttributeValues, NumberType};
 
@@ -63,18 +63,18 @@ impl CloudSink {
     }
 
     /// Says what was found, and gives the cloud to the last step.
-    pub(super) fn finish(mut self, job: &mut Job<'_>) -> Result<Raw, Error> {
+    pub(super) fn finish(mut self, job: &mut ReadJob<'_>) -> Result<RawMesh, Error> {
         job.check_vertices(self.positions.len() as u64)?;
         if self.positions.is_empty() {
             return Err(job.empty("the file has no points"));
         }
         let holes = self.holes;
-        job.warn_count(holes, |count| Warning::PointsDropped {
+        job.warn_count(holes, |count| ReadWarning::PointsDropped {
             what: "points without a measurement",
             count,
         });
         if self.scans > 1 {
-            job.warn(Warning::ScansJoined {
+            job.warn(ReadWarning::ScansJoined {
                 count: self.scans,
                 posed: self.posed,
             });
@@ -85,14 +85,14 @@ impl CloudSink {
         }
         keep_attributes(job, self.columns);
         let faces = 0;
-        Ok(Raw {
+        Ok(RawMesh {
             coordinates: settled(self.positions),
             normals: self.normals,
             absent_normals: 0,
             colors: self.colors.colors,
             triangles: Vec::new(),
             polygons: PolygonRuns::default(),
-            counts: Counts {
+            counts: FileCounts {
                 vertices: self.points,
                 faces,
             },
@@ -102,13 +102,13 @@ impl CloudSink {
 }
 
 /// Positions in single precision where that loses nothing: half the memory in the last step.
-fn settled(positions: Vec<DVec3>) -> Coordinates {
+fn settled(positions: Vec<DVec3>) -> FileCoordinates {
     let is_single = |point: &DVec3| point.as_vec3().as_dvec3() == *point || !point.is_finite();
     if positions.par_iter().with_min_len(1 << 16).all(is_single) {
         let single = positions.par_iter().map(|point| point.as_vec3()).collect();
-        Coordinates::Single(single)
+        FileCoordinates::Single(single)
     } else {
-        Coordinates::Double(positions)
+        FileCoordinates::Double(positions)
     }
 }
 

@@ -7,7 +7,7 @@ use crate::oriented::shapes::{cube, grid, l_shape};
 use crate::oriented::splats::{SplatRules, SplatSet, splats_of};
 use crate::oriented::surface::WeldedSurface;
 use crate::pack::polygons::ScreenPolygon;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use glam::{DVec2, DVec3};
 
 fn rules(degrees: f64) -> SplatRules {
@@ -112,11 +112,11 @@ fn a_cube_of_eight_vertices_is_a_cube() {
         (24, 0),
         "three quarters of discs a corner"
     );
-    assert!(overhang(&surface, &set, &Silent).most < 2e-4);
+    assert!(overhang(&surface, &set, &SilentProgress).most < 2e-4);
     assert_eq!(uncovered_share(&surface, &set, 200, 0.01), 0.0);
     let plain = set_of(&mesh, &SplatRules::default()).1;
     assert!(
-        overhang(&surface, &plain, &Silent).most > 0.5,
+        overhang(&surface, &plain, &SilentProgress).most > 0.5,
         "whole discs stand out"
     );
     let mut plain_beyond = 0;
@@ -134,7 +134,7 @@ fn an_l_shape_is_cut_at_convex_and_concave_edges() {
     // Where top and bottom have their reflex corner no half planes bound a splat: the four triangles around it are drawn,
     // which are the whole L. Its walls have two splats at each of 12 points.
     assert_eq!((set.triangles.len(), set.splats.len()), (8, 24));
-    assert!(overhang(&surface, &set, &Silent).most < 2e-4);
+    assert!(overhang(&surface, &set, &SilentProgress).most < 2e-4);
     assert_eq!(uncovered_share(&surface, &set, 200, 0.01), 0.0);
     for view in views(&mesh, 100) {
         assert_eq!(pixels_beyond(&surface, &set, &view), [0, 0]);
@@ -146,7 +146,7 @@ fn a_flat_grid_is_cut_along_its_border_alone() {
     let mesh = grid(6, |_, _| 0.0);
     let (surface, set) = set_of(&mesh, &rules(20.0));
     assert_eq!((set.splats.len(), set.triangles.len()), (49, 0));
-    let over = overhang(&surface, &set, &Silent).most;
+    let over = overhang(&surface, &set, &SilentProgress).most;
     assert!(over < 1.1e-4, "{over} beyond the border");
     assert_eq!(uncovered_share(&surface, &set, 100, 0.01), 0.0);
     let radius = set.splats_of_point(24)[0].round_radius;
@@ -163,7 +163,7 @@ fn a_ridge_of_any_angle_stays_within_r_tan_beta() {
         let mesh = grid(6, |x, _| -(x - 3.0).abs() * slope);
         for spread in [5.0_f64, 20.0] {
             let (surface, set) = set_of(&mesh, &rules(spread));
-            let over = overhang(&surface, &set, &Silent);
+            let over = overhang(&surface, &set, &SilentProgress);
             let bound = spread.to_radians().tan();
             assert!(
                 over.most_of_radius <= bound + 1e-3,

@@ -3,7 +3,7 @@ use super::*;
 use crate::mesh::Mesh;
 use crate::oriented::nearest::FaceBoxes;
 use crate::oriented::shapes::{cube, grid, l_shape};
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 fn sampled(
@@ -17,7 +17,7 @@ fn sampled(
         spacing,
         crease: 0.3,
     };
-    let splats = samples_of(&surface, &[], &rules, &Silent).unwrap();
+    let splats = samples_of(&surface, &[], &rules, &SilentProgress).unwrap();
     (surface, splats)
 }
 
@@ -114,7 +114,7 @@ fn rays_meet_every_face_and_gaps_are_filled() {
     let before = bare(&surface, &samples.splats);
     samples.each_face("", fill).unwrap();
     let after = bare(&surface, &samples.splats);
-    let all = samples_of(&surface, &[], &rules, &Silent).unwrap();
+    let all = samples_of(&surface, &[], &rules, &SilentProgress).unwrap();
     assert!(before > 0.05 && after < before / 10.0, "{before} {after}");
     assert_eq!(all, samples.splats, "both steps, in this order");
 }
@@ -124,7 +124,7 @@ fn empty<'a>(surface: &'a WeldedSurface, rules: &'a SampleRules) -> PlacedSample
         surface,
         looks: &[],
         rules,
-        progress: &Silent,
+        progress: &SilentProgress,
         splats: Vec::new(),
         cells: HashMap::new(),
     }
@@ -169,7 +169,9 @@ fn there_are_never_too_many_and_the_making_ends_when_it_is_asked_to() {
         assert!(bounds.rules(&choice(Some(enough)), 0.3).is_ok());
         // What bounds say is an upper bound.
         let rules = bounds.rules(&choice(Some(0.5)), 0.3).unwrap();
-        let made = samples_of(&surface, &[], &rules, &Silent).unwrap().len() as f64;
+        let made = samples_of(&surface, &[], &rules, &SilentProgress)
+            .unwrap()
+            .len() as f64;
         let most = bounds.most_samples(pattern, 0.5);
         assert!(
             made <= most && made > most / 4.0,
@@ -216,7 +218,7 @@ fn spacings_that_are_none_are_refused() {
                 crease: 0.3,
             };
             assert!(
-                samples_of(&surface, &[], &rules, &Silent).is_err(),
+                samples_of(&surface, &[], &rules, &SilentProgress).is_err(),
                 "{spacing}"
             );
         }
@@ -227,5 +229,8 @@ fn spacings_that_are_none_are_refused() {
         spacing: 1.0,
         crease: 0.3,
     };
-    assert_eq!(samples_of(&none, &[], &rules, &Silent), Ok(Vec::new()));
+    assert_eq!(
+        samples_of(&none, &[], &rules, &SilentProgress),
+        Ok(Vec::new())
+    );
 }

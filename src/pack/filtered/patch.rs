@@ -2,12 +2,12 @@
 
 use crate::abi::Vertex;
 use crate::math::octahedral;
-use crate::tree::{Model, Moments};
+use crate::tree::{Model, SurfaceMoments};
 use glam::{Mat3, Vec3};
 
 /// A patch as the sums have it.
 #[derive(Clone, Copy)]
-pub(super) struct Patch {
+pub(super) struct SummedPatch {
     pub(super) center: Vec3,
     pub(super) area: f32,
     pub(super) vector_area: Vec3,
@@ -54,12 +54,12 @@ pub(super) fn in_pieces([a, b, c]: [Corner; 3], cuts: u32, visit: &mut impl FnMu
     }
 }
 
-impl Patch {
+impl SummedPatch {
     pub(super) fn of_node(model: &Model, id: u32) -> Self {
         let node = &model.tree.nodes[id as usize];
         let attributes = &model.tree.attributes[id as usize];
         let moments = &model.tree.moments[id as usize];
-        let unit = |code: i16| f32::from(code) * (1.0 / Moments::UNIT);
+        let unit = |code: i16| f32::from(code) * (1.0 / SurfaceMoments::UNIT);
         let area = attributes.area;
         let [xx, yy, zz, xy, xz, yz] = moments.second_moment.map(|code| unit(code) * area);
         // Normals all around have no mean, and the color is that of a ball in the light; the sums know better.

@@ -4,14 +4,15 @@
 //! longer than one.
 
 use crate::abi::FilteredSplat;
-use crate::math::camera::Light;
-use crate::pack::filtered::patch::Patch;
+use crate::math::camera::HeadlightSource;
+use crate::pack::filtered::patch::SummedPatch;
 use crate::pack::filtered::{
-    Eye, LEAST_EXTENT_PX, MARGIN_PX, OFFSET_OF_BEND, OFFSET_OF_NEIGHBORS, OFFSET_OF_THICKNESS,
+    FilteredEye, LEAST_EXTENT_PX, MARGIN_PX, OFFSET_OF_BEND, OFFSET_OF_NEIGHBORS,
+    OFFSET_OF_THICKNESS,
 };
 use crate::pack::splats::pixels_of_unit;
 use crate::pack::{ALBEDO, ColorBy, falsecolor};
-use crate::tree::{Model, Moments, Node};
+use crate::tree::{Model, Node, SurfaceMoments};
 use glam::{Mat4, Vec3, Vec4};
 
 /// Four vectors of three dimensions.
@@ -59,7 +60,7 @@ fn columns(rows: [Vec4; 4]) -> [Vec4; 4] {
 
 /// Which normals light it.
 #[derive(Clone, Copy)]
-pub(super) enum Normals {
+pub(super) enum PatchNormals {
     /// Second moments, area included: xx, yy, zz, xy, xz, yz.
     Second([Vec4; 6]),
     /// A unit vector each.
@@ -68,11 +69,11 @@ pub(super) enum Normals {
 
 /// Four patches.
 #[derive(Clone, Copy)]
-pub(super) struct Four {
+pub(super) struct FourPatches {
     pub(super) center: Vectors,
     pub(super) area: Vec4,
     pub(super) vector_area: Vectors,
-    pub(super) normals: Normals,
+    pub(super) normals: PatchNormals,
     pub(super) half_thickness: Vec4,
     pub(super) bend: Vec4,
     /// Red, green and blue, 0..=1.
@@ -97,8 +98,8 @@ fn halves(words: Vec4) -> [Vec4; 2] {
     ]
 }
 
-impl Four {
-    /// Nodes; see [`Patch::of_node`].
+impl FourPatches {
+    /// Nodes; see [`SummedPatch::of_node`].
     #[inline]
     pub(super) fn of_nodes(model: &Model, ids: [u32; 4]) -> Self {
         let tree = &model.tree;
@@ -107,10 +108,11 @@ impl Four {
             node.center.extend(node.radius)
         }));
         // The words travel as floats, whose bits nothing changes on the way.
-        let words = ids.map(|id| bytemuck::cast::<Moments, [f32; 6]>(tree.moments[id as usize]));
+        let words =
+            ids.map(|id| bytemuck::cast::<SurfaceMoments, [f32; 6]>(tree.moments[id as usize]));
         let [m0, m1, m2, m3] = columns(words.map(|w| Vec4::new(w[0], w[1], w[2], w[3])));
         let [m4, m5, ..] = columns(words.map(|w| Vec4::new(w[4], w[5], 0.0, 0.0)));
-        let unit = Vec4::splat(1.0 / Moments::UNIT);
+        let unit = Vec4::splat(1.0 / SurfaceMoments::UNIT);
         let [[cx, cy], [cz, vx], [vy, vz], [xx, yy], [zz, xy], [xz, yz]] =
             [m0, m1, m2, m3, m4, m5].map(halves);
         let [_, colors, splat_radius, area] = columns(ids.map(|id| {
@@ -133,7 +135,7 @@ impl Four {
             center: [x + off[0], y + off[1], z + off[2]],
             area,
             vector_area: [vx, vy, vz].map(|v| v * sums),
-            normals: Normals::Second([xx, yy, zz, xy, xz, yz].map(|v| v * sums)),
+            normals: PatchNormals::Second([xx, yy, zz, xy, xz, yz].map(|v| v * sums)),
             half_thickness: splat_radius * Vec4::select(has_none, Vec4::ONE, thickness),
             bend: Vec4::ZERO,
             color: [0, 1, 2].map(|i| (byte(i) * (1.0 / 255.0) * of_ball).min(Vec4::ONE)),
@@ -144,23 +146,23 @@ impl Four {
         }
     }
 
-    /// Whether any of them has no area.
+    /// Tells whether any of them has no area.
     pub(super) fn has_nothing(&self) -> bool {
         self.area.cmpeq(Vec4::ZERO).any()
     }
 
     /// Points.
     #[inline]
-    pub(super) fn of_points(patches: [&Patch; 4]) -> Self {
-        let lanes = |of: fn(&Patch) -> f32| Vec4::from_array(patches.map(of));
-        let vectors = |of: fn(&Patch) -> Vec3| vectors(patches.map(of));
+    pub(super) fn of_points(patches: [&SummedPatch; 4]) -> Self {
+        let lanes = |of: fn(&SummedPatch) -> f32| Vec4::from_array(patches.map(of));
+        let vectors = |of: fn(&SummedPatch) -> Vec3| vectors(patches.map(of));
         let area = lanes(|p| p.area);
         let color = |i: usize| Vec4::from_array(patches.map(|p| f32::from(p.color[i]))) / 255.0;
         Self {
             center: vectors(|p| p.center),
             area,
             vector_area: vectors(|p| p.vector_area),
-            normals: Normals::One(scaled(&vectors(|p| p.normals), inverse_or_zero(area))),
+            normals: PatchNormals::One(scaled(&vectors(|p| p.normals), inverse_or_zero(area))),
             half_thickness: lanes(|p| p.half_thickness),
             bend: lanes(|p| p.bend),
             color: [color(0), color(1), color(2)],
@@ -198,18 +200,18 @@ const LEAST_FACING_OF_OWN: f32 = 0.1;
 const MOST_CHANGE: f32 = 1.1;
 
 /// How a color changes along a line.
-pub(super) struct Slope {
+pub(super) struct ColorSlope {
     direction: Vectors,
     per_unit: [f32; 3],
     /// How much it may differ from the mean.
     most: [f32; 3],
 }
 
-impl Slope {
-    /// That of the line through the colors of the `lanes` of four parts of a node that has the least squares, each counting
+impl ColorSlope {
+    /// Slope of the line through the colors of the `lanes` of four parts of a node that has the least squares, each counting
     /// as much as is seen of it (`weight`). None where they are not spread along the node's strip.
     pub(super) fn new(
-        (four, lanes): (&Four, u32),
+        (four, lanes): (&FourPatches, u32),
         weight: Vec4,
         colors: &Vectors,
         node: &Node,
@@ -243,7 +245,7 @@ impl Slope {
 
     /// The colors at the centers of `four`, where they are `mean` at `middle`.
     #[inline]
-    pub(super) fn from(&self, mean: &Vectors, middle: Vectors, four: &Four) -> Vectors {
+    pub(super) fn from(&self, mean: &Vectors, middle: Vectors, four: &FourPatches) -> Vectors {
         let from = [0, 1, 2].map(|i| four.center[i] - middle[i]);
         let along = dot(&self.direction, &from);
         [0, 1, 2].map(|i| {
@@ -255,7 +257,7 @@ impl Slope {
 }
 
 /// What is seen of four patches.
-pub(super) struct Seen {
+pub(super) struct SeenPatches {
     /// Toward the eye, unit vectors.
     v: Vectors,
     /// To the eye, and along the view direction, model units (1 in an orthographic view).
@@ -263,7 +265,7 @@ pub(super) struct Seen {
     z: Vec4,
     /// Projected area of the fronts, model units squared.
     pub(super) front: Vec4,
-    /// That of fronts and backs.
+    /// Projected area of fronts and backs.
     both: Vec4,
     /// Cosine of the mean normal, [`LEAST_FACING`] to 1.
     facing: Vec4,
@@ -277,10 +279,10 @@ pub(super) struct Seen {
 
 /// How large four splats are drawn.
 #[derive(Clone, Copy)]
-pub(super) struct Size {
+pub(super) struct SplatSizes {
     /// Share of their patches.
     pub(super) share: Vec4,
-    /// They belong to rows: the way from one splat to the next, model space.
+    /// Splats that belong to rows: the way from one to the next, model space.
     pub(super) is_row: bool,
     pub(super) step: Vectors,
     /// Diameter in pixels; the rectangle is not larger.
@@ -289,8 +291,8 @@ pub(super) struct Size {
     pub(super) is_own: bool,
 }
 
-impl Eye<'_> {
-    pub(super) fn seen(&self, four: &Four) -> Seen {
+impl FilteredEye<'_> {
+    pub(super) fn seen(&self, four: &FourPatches) -> SeenPatches {
         let view = self.view;
         let (w, z) = if view.is_perspective {
             // Both in model units: the scale of the view cancels in the projected area.
@@ -304,7 +306,7 @@ impl Eye<'_> {
         let distance = dot(&w, &w).sqrt();
         let v = scaled(&w, Vec4::ONE / distance);
         let light = match view.light {
-            Light::Point if view.is_perspective => v,
+            HeadlightSource::Point if view.is_perspective => v,
             _ => splat(view.backward),
         };
         let is_bare = four.bare.cmpgt(Vec4::ZERO);
@@ -313,7 +315,7 @@ impl Eye<'_> {
             toward = toward.abs();
         }
         let (lit, projection) = match &four.normals {
-            Normals::Second([xx, yy, zz, xy, xz, yz]) => {
+            PatchNormals::Second([xx, yy, zz, xy, xz, yz]) => {
                 let times = |[x, y, z]: &Vectors| {
                     [
                         *xx * *x + *xy * *y + *xz * *z,
@@ -327,7 +329,7 @@ impl Eye<'_> {
                     (least + (least * four.area).sqrt()) * 0.5,
                 )
             }
-            Normals::One(s) => ((toward * dot(s, &light)).abs(), Vec4::ZERO),
+            PatchNormals::One(s) => ((toward * dot(s, &light)).abs(), Vec4::ZERO),
         };
         let both = projection.max(toward.abs());
         let front = Vec4::select(is_bare, four.area, (both + toward) * 0.5);
@@ -338,7 +340,7 @@ impl Eye<'_> {
             & four.area.cmpgt(Vec4::ZERO)
             & z.cmpgt(Vec4::ZERO)
             & distance.cmpgt(Vec4::ZERO);
-        Seen {
+        SeenPatches {
             v,
             distance,
             z,
@@ -355,14 +357,14 @@ impl Eye<'_> {
         }
     }
 
-    /// Whether [`lit`](Self::lit) knows the color.
+    /// Tells whether [`lit`](Self::lit) knows the color.
     pub(super) fn is_plain(&self) -> bool {
         self.lamp.is_none() && self.sphere.is_none() && !self.shade.color_by.is_data()
     }
 
     /// Colors in the headlight.
     #[inline]
-    pub(super) fn lit(&self, four: &Four, seen: &Seen) -> Vectors {
+    pub(super) fn lit(&self, four: &FourPatches, seen: &SeenPatches) -> Vectors {
         let value = seen.lambert * ALBEDO;
         match self.shade.color_by {
             ColorBy::Primitive => [1.0, 0.2, 0.2].map(|c| (value * c).min(Vec4::ONE)),
@@ -372,7 +374,7 @@ impl Eye<'_> {
     }
 
     /// The color of one patch by a lamp, or as data.
-    fn color(&self, patch: &Patch, center: Vec3, v: Vec3, both: f32) -> [f32; 3] {
+    fn color(&self, patch: &SummedPatch, center: Vec3, v: Vec3, both: f32) -> [f32; 3] {
         let own = || [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0);
         let lit = |base: [f32; 3]| {
             if let Some(sphere) = &self.sphere {
@@ -403,10 +405,10 @@ impl Eye<'_> {
     #[inline]
     pub(super) fn splats(
         &self,
-        (four, seen, count): (&Four, &Seen, usize),
-        size: &Size,
+        (four, seen, count): (&FourPatches, &SeenPatches, usize),
+        size: &SplatSizes,
         colors: &Vectors,
-        patch: impl Fn(usize) -> Patch,
+        patch: impl Fn(usize) -> SummedPatch,
         mut write: impl FnMut(FilteredSplat),
     ) {
         let view = self.view;
@@ -506,7 +508,7 @@ impl Eye<'_> {
 /// it, and their thickness along the ray; at most what a sphere of that radius takes, which a triangle has that is
 /// drawn as one large splat.
 #[inline]
-fn depth_reach(four: &Four, half: Vec4, facing: Vec4, is_own: bool) -> Vec4 {
+fn depth_reach(four: &FourPatches, half: Vec4, facing: Vec4, is_own: bool) -> Vec4 {
     if is_own {
         return half / facing.max(Vec4::splat(LEAST_FACING_OF_OWN));
     }

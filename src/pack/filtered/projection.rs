@@ -26,7 +26,7 @@ impl FilteredPatch {
     /// The splat as `view` has it; none where its center lies before the near or behind the far plane, or is no number.
     pub fn place(&self, view: &View) -> Option<FilteredSplat> {
         let centers = vectors([self.center; 4]);
-        let places = Projection::new(view).places(&centers, Vec4::splat(self.offset));
+        let places = PictureProjection::new(view).places(&centers, Vec4::splat(self.offset));
         (places.lanes & 1 != 0).then(|| FilteredSplat {
             window_px: [places.window_px[0].x, places.window_px[1].x],
             pushed_depth: places.pushed_depth.x,
@@ -41,7 +41,7 @@ impl FilteredPatch {
 }
 
 /// From model space to the picture.
-pub(super) struct Projection {
+pub(super) struct PictureProjection {
     is_perspective: bool,
     /// Rows of the matrix to view space: factors, and what is added.
     rows: [(Vectors, Vec4); 3],
@@ -56,17 +56,17 @@ pub(super) struct Projection {
 }
 
 /// Four centers in the picture.
-pub(super) struct Places {
+pub(super) struct FourPlaces {
     pub(super) window_px: [Vec4; 2],
     /// Reversed depth, 0..=1.
     pub(super) depth: Vec4,
-    /// That of the first pass; 0 where it lies at or behind the far plane.
+    /// Depth of the first pass; 0 where it lies at or behind the far plane.
     pub(super) pushed_depth: Vec4,
-    /// Those between the near and the far plane.
+    /// Centers between the near and the far plane.
     pub(super) lanes: u32,
 }
 
-impl Projection {
+impl PictureProjection {
     pub(super) fn new(view: &View) -> Self {
         let clip = view.clip_from_view();
         let column = if view.is_perspective {
@@ -90,7 +90,7 @@ impl Projection {
 
     /// Of centers in model space that the first pass pushes away by `offset`, model units.
     #[inline]
-    pub(super) fn places(&self, centers: &Vectors, offset: Vec4) -> Places {
+    pub(super) fn places(&self, centers: &Vectors, offset: Vec4) -> FourPlaces {
         let [x, y, z] = self
             .rows
             .each_ref()
@@ -122,7 +122,7 @@ impl Projection {
         let is_between = clip_z.cmpge(Vec4::ZERO) & clip_z.cmple(w) & w.cmpgt(Vec4::ZERO);
         // What cannot be pushed (an infinite offset) hides nothing; it is drawn still.
         let hides = pushed_depth.cmpgt(Vec4::ZERO);
-        Places {
+        FourPlaces {
             window_px,
             depth: clip_z / w,
             pushed_depth: Vec4::select(hides, pushed_depth.min(Vec4::ONE), Vec4::ZERO),

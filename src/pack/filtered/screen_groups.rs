@@ -51,7 +51,8 @@ impl ScreenGroups {
         self.has_large |= others.has_large;
     }
 
-    /// Whether no splat is larger than [`LARGEST_SMALL_BLENDED_PX`], the limit of compute and of the processor's renderer.
+    /// Tells whether no splat is larger than [`LARGEST_SMALL_BLENDED_PX`], the limit of compute and of the processor's
+    /// renderer.
     pub fn are_small(&self) -> bool {
         !self.has_large
     }

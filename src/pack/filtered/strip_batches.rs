@@ -1,11 +1,11 @@
 //! Splats that wait until they are four.
 
 use crate::abi::FilteredSplat;
-use crate::pack::filtered::Eye;
-use crate::pack::filtered::patch::Patch;
-use crate::pack::filtered::patch_x4::{Four, Size};
+use crate::pack::filtered::FilteredEye;
+use crate::pack::filtered::patch::SummedPatch;
+use crate::pack::filtered::patch_x4::{FourPatches, SplatSizes};
 use crate::pack::filtered::triangle_patches::Triangle;
-use crate::pack::parallel::Sink;
+use crate::pack::parallel::RecordSink;
 use glam::{Vec3, Vec4};
 
 /// Splats of rows that wait until they are four.
@@ -33,44 +33,44 @@ impl RowGroup {
 }
 
 /// What leaves are made of.
-pub(super) trait Piece: Copy {
-    fn four(pieces: [&Self; 4]) -> Four;
-    fn patch(&self) -> Patch;
+pub(super) trait LeafPiece: Copy {
+    fn four(pieces: [&Self; 4]) -> FourPatches;
+    fn patch(&self) -> SummedPatch;
 }
 
-impl Piece for Triangle {
-    fn four(pieces: [&Self; 4]) -> Four {
-        Four::of_triangles(pieces)
+impl LeafPiece for Triangle {
+    fn four(pieces: [&Self; 4]) -> FourPatches {
+        FourPatches::of_triangles(pieces)
     }
 
-    fn patch(&self) -> Patch {
+    fn patch(&self) -> SummedPatch {
         self.patch()
     }
 }
 
 /// A point.
-impl Piece for Patch {
-    fn four(pieces: [&Self; 4]) -> Four {
-        Four::of_points(pieces)
+impl LeafPiece for SummedPatch {
+    fn four(pieces: [&Self; 4]) -> FourPatches {
+        FourPatches::of_points(pieces)
     }
 
-    fn patch(&self) -> Patch {
+    fn patch(&self) -> SummedPatch {
         *self
     }
 }
 
 /// Leaves that wait until they are four.
-pub(super) struct Group<'a, P> {
-    eye: &'a Eye<'a>,
+pub(super) struct WaitingLeaves<'a, P> {
+    eye: &'a FilteredEye<'a>,
     pieces: [P; 4],
     diameters: [f32; 4],
     count: usize,
     is_own: bool,
 }
 
-impl<'a, P: Piece> Group<'a, P> {
+impl<'a, P: LeafPiece> WaitingLeaves<'a, P> {
     /// `any` stands where there are none.
-    pub(super) fn new(eye: &'a Eye<'a>, any: P) -> Self {
+    pub(super) fn new(eye: &'a FilteredEye<'a>, any: P) -> Self {
         Self {
             eye,
             pieces: [any; 4],
@@ -86,7 +86,7 @@ impl<'a, P: Piece> Group<'a, P> {
         piece: P,
         diameter_px: f32,
         is_own: bool,
-        sink: &mut Sink<'_, FilteredSplat>,
+        sink: &mut RecordSink<'_, FilteredSplat>,
     ) {
         if self.count == 4 || is_own != self.is_own {
             self.flush(sink);
@@ -97,9 +97,9 @@ impl<'a, P: Piece> Group<'a, P> {
         self.count += 1;
     }
 
-    pub(super) fn flush(&mut self, sink: &mut Sink<'_, FilteredSplat>) {
+    pub(super) fn flush(&mut self, sink: &mut RecordSink<'_, FilteredSplat>) {
         let eye = self.eye;
-        let size = Size {
+        let size = SplatSizes {
             diameter_px: Vec4::from_array(self.diameters),
             is_own: self.is_own,
             ..eye.dense()

@@ -2,9 +2,9 @@
 
 use crate::abi::Vertex;
 use crate::math::octahedral;
-use crate::pack::filtered::patch::{Corner, Patch, mean_color};
+use crate::pack::filtered::patch::{Corner, SummedPatch, mean_color};
 use crate::pack::filtered::patch_x4::{
-    Four, Normals, Vectors, cross, dot, inverse_or_zero, scaled, vectors,
+    FourPatches, PatchNormals, Vectors, cross, dot, inverse_or_zero, scaled, vectors,
 };
 use crate::tree::{Model, ModelTextures};
 use glam::{Vec3, Vec4};
@@ -17,8 +17,8 @@ pub(super) struct Triangle {
 }
 
 impl Triangle {
-    pub(super) fn patch(&self) -> Patch {
-        Patch::of_triangle(self.corners, self.color)
+    pub(super) fn patch(&self) -> SummedPatch {
+        SummedPatch::of_triangle(self.corners, self.color)
     }
 }
 
@@ -35,8 +35,8 @@ fn normalized(v: &Vectors) -> Vectors {
     scaled(v, inverse_or_zero(dot(v, v).sqrt()))
 }
 
-impl Four {
-    /// As [`Patch::of_triangle`] has them.
+impl FourPatches {
+    /// As [`SummedPatch::of_triangle`] has them.
     #[inline]
     pub(super) fn of_triangles(triangles: [&Triangle; 4]) -> Self {
         let corner = |i: usize| vectors(triangles.map(|t| t.corners[i].0));
@@ -71,7 +71,7 @@ impl Four {
             center: plus(&a, &to_middle),
             area,
             vector_area,
-            normals: Normals::One(normals),
+            normals: PatchNormals::One(normals),
             half_thickness: Vec4::ZERO,
             bend,
             color: [color(0), color(1), color(2)],
@@ -169,8 +169,8 @@ mod tests {
                 without_normals(any(4 * i + 2)),
                 line,
             ];
-            let four = Four::of_triangles(triangles.each_ref());
-            let Normals::One(normals) = &four.normals else {
+            let four = FourPatches::of_triangles(triangles.each_ref());
+            let PatchNormals::One(normals) = &four.normals else {
                 panic!("triangles have one normal");
             };
             for (lane, triangle) in triangles.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use crate::cut::Cut;
 use crate::math::camera::View;
-use crate::pack::filtered::Shade;
+use crate::pack::filtered::FilteredShade;
 #[cfg(doc)]
 use crate::pack::filtered::splats;
 use crate::tree::Model;
@@ -31,7 +31,7 @@ pub struct FirstLarge {
 
 /// Which triangles are drawn as splats.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Taken {
+struct TakenTriangles {
     /// The largest of them, pixels.
     largest_px: f32,
     /// The largest that is drawn in pieces.
@@ -43,7 +43,7 @@ struct Taken {
 }
 
 /// How often a triangle is cut into four, of those up to `halved_px`; the piece of a larger one is itself.
-pub(super) fn cuts(diameter_px: f32, shade: &Shade, halved_px: f32) -> u32 {
+pub(super) fn cuts(diameter_px: f32, shade: &FilteredShade, halved_px: f32) -> u32 {
     if diameter_px > halved_px {
         return 0;
     }
@@ -69,7 +69,13 @@ pub(super) fn diameter_px(model: &Model, leaf: u32, view: &View) -> f32 {
 
 /// Which triangles of a cut are drawn as splats, of which there are `own` without them: all of them where `splats_only` says
 /// so; else those that are small, if nearly all are; and what is left as well, if that is no more splats than the others.
-fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Taken {
+fn taken(
+    model: &Model,
+    view: &View,
+    shade: &FilteredShade,
+    cut: &Cut,
+    own: usize,
+) -> TakenTriangles {
     let count = |&leaf: &u32| {
         let px = diameter_px(model, leaf, view);
         let is_large = usize::from(px > LARGEST_PX);
@@ -88,7 +94,7 @@ fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Ta
         (a.0 + b.0, a.1 + b.1, [a.2[0] + b.2[0], a.2[1] + b.2[1]])
     });
     if shade.splats_only {
-        return Taken {
+        return TakenTriangles {
             largest_px: f32::INFINITY,
             halved_px: LARGEST_PX,
             splats: within + beyond,
@@ -96,14 +102,14 @@ fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Ta
         };
     }
     let some = if small as f32 >= LEAST_SMALL * all as f32 {
-        Taken {
+        TakenTriangles {
             largest_px: LARGEST_PX,
             halved_px: LARGEST_PX,
             splats: within,
             left: large,
         }
     } else {
-        Taken {
+        TakenTriangles {
             largest_px: 0.0,
             halved_px: LARGEST_PX,
             splats: 0,
@@ -113,7 +119,7 @@ fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Ta
     let rest = within + beyond - some.splats;
     // A few among splats are less exact than splats of their size.
     if rest <= own + some.splats {
-        return Taken {
+        return TakenTriangles {
             largest_px: f32::INFINITY,
             halved_px: f32::INFINITY,
             splats: within + beyond,
@@ -130,14 +136,19 @@ fn own_count(cut: &Cut) -> usize {
 }
 
 /// How many splats and triangles a cut is drawn as.
-pub fn drawn_counts(model: &Model, view: &View, shade: &Shade, cut: &Cut) -> [usize; 2] {
+pub fn drawn_counts(model: &Model, view: &View, shade: &FilteredShade, cut: &Cut) -> [usize; 2] {
     let own = own_count(cut);
     let taken = taken(model, view, shade, cut, own);
     [own + taken.splats, taken.left]
 }
 
 /// Moves the triangles of a cut that are to be drawn as splats to its leaves.
-pub fn take_triangles(model: &Model, view: &View, shade: &Shade, cut: &mut Cut) -> FirstLarge {
+pub fn take_triangles(
+    model: &Model,
+    view: &View,
+    shade: &FilteredShade,
+    cut: &mut Cut,
+) -> FirstLarge {
     let index = cut.leaves.len();
     let taken = taken(model, view, shade, cut, own_count(cut));
     let Cut {
@@ -162,7 +173,7 @@ pub(super) fn pieces(
     model: &Model,
     leaf: u32,
     view: &View,
-    shade: &Shade,
+    shade: &FilteredShade,
     halved_px: f32,
 ) -> usize {
     1 << (2 * cuts(diameter_px(model, leaf, view), shade, halved_px))
@@ -177,12 +188,12 @@ pub fn splat_count(cut: &Cut, first_large: FirstLarge) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pack::{ColorBy, Lighting};
+    use crate::pack::{ColorBy, SurfaceLighting};
 
     #[test]
     fn pieces_are_no_larger_than_the_threshold_or_a_pixel_and_a_half() {
         for side_px in [1.0, 1.5, 2.0, 7.0] {
-            let shade = Shade {
+            let shade = FilteredShade {
                 side_px,
                 max_size_px: 255.0,
                 splats_only: false,
@@ -191,7 +202,7 @@ mod tests {
                 use_colors: true,
                 color_by: ColorBy::Shading,
                 depth_range: [0.0, 1.0],
-                light: Lighting::Headlight,
+                light: SurfaceLighting::Headlight,
                 cut_view: None,
             };
             let piece = PIECE_PX.max(side_px);

@@ -81,7 +81,7 @@ pub(super) const LANES: usize = 16;
 /// What some triangles cover. Masks have a bit a triangle.
 #[derive(Debug)]
 pub(super) struct CoveredCenters {
-    /// Those that are all there are to ask for; the device decides about others.
+    /// Triangles that are all there are to ask for; the device decides about others.
     pub(super) known: u64,
     /// Of those, the ones that cover anything.
     pub(super) some: u64,

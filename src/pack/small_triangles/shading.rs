@@ -84,7 +84,7 @@ impl ShadingQueue {
         self.len = 0;
     }
 
-    /// Those number `at` and on.
+    /// Surfaces number `at` and on.
     #[inline(always)]
     fn surface<S: Simd>(&self, simd: S, at: usize) -> SampledSurface {
         let end = at + Numbers::<S>::LEN;

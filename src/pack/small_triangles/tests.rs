@@ -7,7 +7,7 @@ use crate::math::octahedral;
 use crate::pack::for_tests::levels;
 use crate::pack::small_triangles::coverage::LANES;
 use crate::pack::small_triangles::*;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{self, BuildOptions};
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -45,7 +45,7 @@ fn every_width_of_vectors_writes_the_same_bytes() {
     ] {
         let spec = ShapeSpec::with_triangles(shape, triangles).unwrap();
         let mesh = generate::mesh(&spec);
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
         // Gaps, and a number of triangles that no vector divides.
         let ids: Vec<u32> = (0..model.triangles.len() as u32 - 3)
             .filter(|id| id % 7 != 3)
@@ -78,7 +78,7 @@ fn every_width_of_vectors_writes_the_same_bytes() {
 #[test]
 fn there_is_room_where_a_surface_is_seen_from_the_front() {
     let mesh = generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Sphere, 30_000).unwrap());
-    let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let ids: Vec<u32> = (0..model.triangles.len() as u32).collect();
     let found = |size| {
         let screen = screen(4.0, size);

@@ -10,7 +10,7 @@ use crate::pages::page::DecodeOptions;
 use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model, opened};
 use crate::pages::write::{PagedOptions, to_bytes, to_bytes_with_patches};
 use crate::patches::{ErrorTolerances, PatchCutSettings, ResidentPatches};
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{self, BuildOptions, Model};
 use glam::Vec3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -148,7 +148,7 @@ fn over_all_pages_it_is_the_cut_of_the_whole_tree() {
         let whole = model(GeneratedShape::Statue, 12_000, is_cloud);
         let file = opened(to_bytes(&whole, &pages).unwrap()).unwrap();
         assert_eq!(shared_levels_of(&file), shared);
-        let joined = whole_model(&file, &Silent).unwrap();
+        let joined = whole_model(&file, &SilentProgress).unwrap();
         let known = all_pages(&file, &joined);
         let mut selector = PageCutSelector::default();
         for (fill, threshold_px, cull_back) in [
@@ -227,13 +227,13 @@ fn by_error_it_is_the_cut_of_the_whole_tree_too() {
         (GeneratedShape::Torus, LARGE_PAGES, 2),
     ] {
         let whole = model(shape, 12_000, false);
-        let bytes = to_bytes_with_patches(&whole, &pages, &Silent).unwrap();
+        let bytes = to_bytes_with_patches(&whole, &pages, &SilentProgress).unwrap();
         let file = opened(bytes).unwrap();
         assert!(file.has_patches());
         assert_eq!(shared_levels_of(&file), shared);
-        let joined = whole_model(&file, &Silent).unwrap();
+        let joined = whole_model(&file, &SilentProgress).unwrap();
         let known = all_pages(&file, &joined);
-        let conditions = |model: &Model| ResidentPatches::build(model, &Silent).unwrap();
+        let conditions = |model: &Model| ResidentPatches::build(model, &SilentProgress).unwrap();
         let of_joined = conditions(&joined);
         let mut selector = PageCutSelector::default();
         for (fill, cull_back) in [
@@ -306,10 +306,10 @@ fn whatever_the_density_every_leaf_is_drawn_once() {
             .collect(),
         ..Mesh::default()
     };
-    let whole = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let whole = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let file = opened(to_bytes(&whole, &LARGE_PAGES).unwrap()).unwrap();
     assert_eq!(shared_levels_of(&file), 2);
-    let joined = whole_model(&file, &Silent).unwrap();
+    let joined = whole_model(&file, &SilentProgress).unwrap();
     let known = all_pages(&file, &joined);
     let camera = joined.orbit_camera((640, 480), 0.2, 0.1, 0.5);
     let view = camera.view(joined.origin).unwrap();
@@ -347,7 +347,7 @@ fn what_is_missing_is_drawn_coarser_and_wanted_largest_first() {
 fn refined_page_by_page(pages: &PagedOptions, least: usize) {
     let whole = model(GeneratedShape::Torus, 12_000, false);
     let file = opened(to_bytes(&whole, pages).unwrap()).unwrap();
-    let joined = whole_model(&file, &Silent).unwrap();
+    let joined = whole_model(&file, &SilentProgress).unwrap();
     let all = all_pages(&file, &joined);
     let mut known = KnownPages {
         pages: BTreeMap::new(),

@@ -14,7 +14,7 @@ use crate::tree::{ClosedEvidence, Model};
 #[derive(Default)]
 pub(super) struct FilledPages {
     pub(super) pages: Vec<LeafPageFacts>,
-    /// Their first levels.
+    /// First levels of the pages.
     pub(super) tops: Option<SpooledTops>,
     /// The farthest that a vertex was moved.
     pub(super) moved: f64,

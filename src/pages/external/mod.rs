@@ -30,10 +30,10 @@ use super::page::EncodedPage;
 use super::page_tops::PageTop;
 use super::upper::{LeafPageFacts, upper_length};
 use super::write::{PagedOptions, VertexGrid, color_bits, leaf_pages, page_step, place_key};
-use crate::mesh::normals::{self, Weighting};
+use crate::mesh::normals::{self, NormalWeighting};
 use crate::mesh::stream::{MeshStream, StreamError, StreamFacts, VertexPiece};
 use crate::mesh::{Mesh, creases, origin_of, recentered_zero};
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use crate::tree::{self, BuildOptions, Error, PartPlace, PartShape, PointNormals, build_part};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -512,7 +512,7 @@ impl ExternalBuild<'_> {
             self.stop()?;
             let (mesh, steps) = self.chunk_mesh(work, chunk)?;
             let place = (work.skeleton.place(), self.options.point_normals);
-            let (model, evidence) = build_part(mesh, place, &Silent)?;
+            let (model, evidence) = build_part(mesh, place, &SilentProgress)?;
             let roots: Vec<Option<u32>> = model.tree.level(level).map(Some).collect();
             let grid = VertexGrid::new(&model, &roots, steps);
             let pages: Vec<EncodedPage> = leaf_pages(&model, &roots, &grid, (colors, None));
@@ -570,7 +570,7 @@ impl ExternalBuild<'_> {
         if let Some(degrees) = self.options.crease_degrees {
             creases::split(&mut mesh, degrees);
         }
-        normals::complete(&mut mesh, Weighting::Area);
+        normals::complete(&mut mesh, NormalWeighting::Area);
         mesh.triangles.truncate(own);
         Ok((mesh, steps))
     }

@@ -9,7 +9,7 @@ use crate::pages::file::PagedFile;
 use crate::pages::join::whole_model;
 use crate::pages::source::MemorySource;
 use crate::pages::write::{PagedOptions, to_bytes};
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use crate::tree::{self, BuildOptions, Model};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -50,7 +50,7 @@ fn built(
 ) -> Result<(Vec<u8>, ExternalReport), ExternalError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("t.surfel");
-    let report = build(stream, options, &path, &Silent);
+    let report = build(stream, options, &path, &SilentProgress);
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
     assert_eq!(left.len(), usize::from(report.is_ok()), "{left:?}");
     Ok((std::fs::read(&path).unwrap_or_default(), report?))
@@ -65,7 +65,7 @@ fn usual(mesh: &Mesh) -> Model {
         crease_degrees: Some(40.0),
         ..BuildOptions::default()
     };
-    tree::build(mesh.clone(), &options, &Silent).unwrap()
+    tree::build(mesh.clone(), &options, &SilentProgress).unwrap()
 }
 
 #[test]
@@ -90,7 +90,7 @@ fn a_model_of_many_chunks_is_sound_and_complete() {
         let (bytes, report) = built(&mesh, &options(2048)).unwrap();
         assert!(report.chunks >= 8, "{report:?}");
         let file = opened(bytes.clone());
-        let checked = check(&file, &Silent);
+        let checked = check(&file, &SilentProgress);
         assert!(checked.is_clean(), "{shape:?}: {:?}", checked.violations);
         let usual = usual(&mesh);
         assert_eq!(checked.leaves, usual.tree.leaves.len() as u64);
@@ -98,7 +98,7 @@ fn a_model_of_many_chunks_is_sound_and_complete() {
             (checked.leaves, checked.nodes),
             (report.leaves, report.nodes)
         );
-        let joined = whole_model(&file, &Silent).unwrap();
+        let joined = whole_model(&file, &SilentProgress).unwrap();
         assert_eq!(joined.is_closed, usual.is_closed, "{shape:?}");
         let header = *file.header();
         assert_eq!(
@@ -128,7 +128,11 @@ fn area(model: &Model) -> f64 {
 #[test]
 fn chunks_meet_without_gap() {
     let mesh = mesh(GeneratedShape::Statue, 40_000, false);
-    let joined = whole_model(&opened(built(&mesh, &options(2048)).unwrap().0), &Silent).unwrap();
+    let joined = whole_model(
+        &opened(built(&mesh, &options(2048)).unwrap().0),
+        &SilentProgress,
+    )
+    .unwrap();
     // Every edge of the closed surface has its reverse, by decoded places.
     let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
     let key = |p: Vec3| p.to_array().map(|c| (c + 0.0).to_bits());
@@ -148,7 +152,11 @@ fn chunks_meet_without_gap() {
 #[test]
 fn chunks_meet_without_seam() {
     let mesh = mesh(GeneratedShape::Statue, 40_000, false);
-    let joined = whole_model(&opened(built(&mesh, &options(2048)).unwrap().0), &Silent).unwrap();
+    let joined = whole_model(
+        &opened(built(&mesh, &options(2048)).unwrap().0),
+        &SilentProgress,
+    )
+    .unwrap();
     let usual = usual(&mesh);
     // At the place of a vertex is a normal of the usual model.
     let near = |p: Vec3| (p * 200.0).round().to_array().map(|c| c as i32);
@@ -184,14 +192,14 @@ fn what_is_not_finite_is_left_out_and_counted() {
     cloud.positions[5000] = Vec3::new(0.0, f32::INFINITY, 0.0);
     let (bytes, report) = built(&cloud, &options(2048)).unwrap();
     assert_eq!(report.dropped, 2);
-    assert!(check(&opened(bytes), &Silent).is_clean());
+    assert!(check(&opened(bytes), &SilentProgress).is_clean());
     let mut surface = mesh(GeneratedShape::Torus, 20_000, false);
     let around = surface.triangles.iter().filter(|t| t.contains(&77)).count() as u64;
     surface.positions[77] = Vec3::NAN;
     let (bytes, report) = built(&surface, &options(2048)).unwrap();
     assert_eq!((report.dropped, around > 0), (around, true));
     let file = opened(bytes);
-    assert!(check(&file, &Silent).is_clean());
+    assert!(check(&file, &SilentProgress).is_clean());
     assert!(!file.is_closed());
     cloud.positions.fill(Vec3::NAN);
     assert!(built(&cloud, &options(2048)).is_err());
@@ -202,7 +210,7 @@ fn coordinates_of_maps_keep_their_detail() {
     let mut cloud = mesh(GeneratedShape::Statue, 30_000, true);
     cloud.origin = DVec3::new(4e5, 5.1e6, 300.0);
     let (bytes, _) = built(&cloud, &options(2048)).unwrap();
-    let joined = whole_model(&opened(bytes), &Silent).unwrap();
+    let joined = whole_model(&opened(bytes), &SilentProgress).unwrap();
     let world = |origin: DVec3, positions: Vec<Vec3>| -> Vec<DVec3> {
         let mut all: Vec<DVec3> = positions.iter().map(|p| origin + p.as_dvec3()).collect();
         all.sort_unstable_by(|a, b| a.x.total_cmp(&b.x));

@@ -7,7 +7,7 @@ use crate::pages::join::whole_model;
 use crate::pages::source::{ByteSource, FileSource, MemorySource};
 use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model};
 use crate::pages::write::to_bytes as tile_bytes;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{BuildOptions, build};
 use glam::Vec3;
 use std::io;
@@ -52,7 +52,7 @@ impl TileScene {
     }
 
     fn forest(&self) -> PagedFile {
-        write(&self.members, &self.path(), &Silent).unwrap();
+        write(&self.members, &self.path(), &SilentProgress).unwrap();
         PagedFile::open(Arc::new(FileSource::open(&self.path()).unwrap())).unwrap()
     }
 }
@@ -115,7 +115,7 @@ fn a_forest_has_all_that_its_files_have_where_they_have_it() {
     ] {
         let scene = TileScene::new(counts, is_cloud);
         let forest = scene.forest();
-        let report = check(&forest, &Silent);
+        let report = check(&forest, &SilentProgress);
         assert!(report.is_clean(), "{counts:?}: {:?}", report.violations);
         let leaves: u64 = scene
             .tiles
@@ -132,7 +132,7 @@ fn a_forest_has_all_that_its_files_have_where_they_have_it() {
         assert_eq!(forest.total_bytes(), forest.header().file_length + of_tiles);
         let pages = leaf_pages(&forest).unwrap();
         let alone: Vec<Model> = (scene.members.iter())
-            .map(|own| whole_model(&own.file, &Silent).unwrap())
+            .map(|own| whole_model(&own.file, &SilentProgress).unwrap())
             .collect();
         let found = places(pages.iter().map(|page| &page.model));
         let expected = places(alone.iter());
@@ -157,10 +157,10 @@ fn a_forest_has_all_that_its_files_have_where_they_have_it() {
 #[test]
 fn the_order_of_the_files_does_not_matter() {
     let mut scene = TileScene::new(&[300, 400, 500, 600, 700, 350], false);
-    let bytes = to_bytes(&scene.members, &Silent).unwrap();
+    let bytes = to_bytes(&scene.members, &SilentProgress).unwrap();
     scene.members.reverse();
     scene.members.swap(1, 3);
-    assert!(to_bytes(&scene.members, &Silent).unwrap() == bytes);
+    assert!(to_bytes(&scene.members, &SilentProgress).unwrap() == bytes);
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn a_single_triangle_can_be_a_file() {
         triangles: vec![[0, 1, 2]],
         ..Mesh::default()
     };
-    let tile = build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let tile = build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let bytes = tile_bytes(&tile, &SMALL_PAGES).unwrap();
     let path = scene.folder.path().join("one.surfel");
     std::fs::write(&path, &bytes).unwrap();
@@ -182,7 +182,7 @@ fn a_single_triangle_can_be_a_file() {
         path: "one.surfel".to_owned(),
         file,
     });
-    let report = check(&scene.forest(), &Silent);
+    let report = check(&scene.forest(), &SilentProgress);
     assert!(report.is_clean(), "{:?}", report.violations);
 }
 
@@ -191,7 +191,8 @@ fn what_makes_no_forest_is_refused_by_name() {
     let scene = TileScene::new(&[400, 500], false);
     let cloud = TileScene::new(&[400], true);
     let mixed = [scene.members[0].clone(), cloud.members[0].clone()];
-    let refused = |members: &[ForestMember]| to_bytes(members, &Silent).unwrap_err().to_string();
+    let refused =
+        |members: &[ForestMember]| to_bytes(members, &SilentProgress).unwrap_err().to_string();
     assert!(
         refused(&mixed).contains("points with colors"),
         "{}",
@@ -203,7 +204,9 @@ fn what_makes_no_forest_is_refused_by_name() {
     };
     assert!(refused(std::slice::from_ref(&forest)).contains("joins files itself"));
     // Nor is it a whole model.
-    let message = whole_model(&forest.file, &Silent).unwrap_err().to_string();
+    let message = whole_model(&forest.file, &SilentProgress)
+        .unwrap_err()
+        .to_string();
     assert!(message.contains("2 files"), "{message}");
 }
 
@@ -232,7 +235,7 @@ fn a_file_that_is_missing_or_another_is_named_and_leaves_the_rest() {
         }
     }
     assert_eq!(failures, 1);
-    let report = check(&forest, &Silent);
+    let report = check(&forest, &SilentProgress);
     assert!(
         report.count > 0
             && report
@@ -242,7 +245,7 @@ fn a_file_that_is_missing_or_another_is_named_and_leaves_the_rest() {
     );
     // It comes back: what failed is tried again.
     std::fs::write(&tile, &whole).unwrap();
-    assert!(check(&forest, &Silent).is_clean());
+    assert!(check(&forest, &SilentProgress).is_clean());
     // Another tile in its place is not taken for it.
     let other = tile_bytes(&scene.tiles[1], &SMALL_PAGES).unwrap();
     std::fs::write(&tile, other).unwrap();
@@ -256,7 +259,7 @@ fn a_file_that_is_missing_or_another_is_named_and_leaves_the_rest() {
 #[test]
 fn damage_is_found_and_asks_for_no_memory() {
     let scene = TileScene::new(&[400, 500, 600], false);
-    let bytes = to_bytes(&scene.members, &Silent).unwrap();
+    let bytes = to_bytes(&scene.members, &SilentProgress).unwrap();
     let end = scene.forest().header().root.offset;
     let end = end.min(bytes.len() as u64) as usize;
     let open = |bytes: Vec<u8>| PagedFile::open(Arc::new(MemorySource::new("f", bytes)));

@@ -20,7 +20,7 @@ use crate::pages::check::check;
 use crate::pages::file::PagedFile;
 use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model};
 use crate::pages::write::to_bytes;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
@@ -122,7 +122,7 @@ fn a_file_is_read_by_ranges() {
     assert!(source.read_at(bytes.len() as u64 - 999, &mut part).is_err());
     let file = PagedFile::open(source).unwrap();
     assert_eq!(server.requests.load(Ordering::Relaxed), 3);
-    let report = check(&file, &Silent);
+    let report = check(&file, &SilentProgress);
     assert!(report.is_clean() && report.leaves == 12_000, "{report:?}");
 }
 

@@ -37,7 +37,7 @@ pub enum ColorBits {
 /// What is decoded.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DecodeOptions {
-    /// Compute what filtered splats need ([`crate::tree::Moments`]); else it is zero.
+    /// Compute what filtered splats need ([`crate::tree::SurfaceMoments`]); else it is zero.
     pub moments: bool,
     /// Move the page into the coordinates of a model with this world position of its zero
     /// ([`DecodedPage::in_model_space`]); else it stays in coordinates of its own.

@@ -79,7 +79,7 @@ pub(super) fn normal_of(table: &[[i16; 2]], code: u16) -> Option<[i16; 2]> {
     table.get(usize::from(code)).copied()
 }
 
-/// Whether a code is that of a normal, or of none.
+/// Tells whether a code is that of a normal, or of none.
 #[inline(always)]
 pub(super) fn is_normal(code: u16) -> bool {
     usize::from(code) < NORMAL_CODES || code == NO_NORMAL

@@ -57,7 +57,7 @@ impl LeafWord {
         (self.0 >> 26) as u16
     }
 
-    /// Whether every place is one.
+    /// Tells whether every place is one.
     #[inline(always)]
     fn is_sound(self) -> bool {
         [0, 7, 14].iter().all(|shift| self.0 >> shift & 127 != 127)

@@ -7,7 +7,7 @@ use crate::abi::Vertex;
 use crate::pages::extract::link;
 use crate::pages::format::{LARGEST_PAGE, MOST_LEAVES, MOST_LEVELS, PageEntry};
 use crate::tree::{
-    AlignedRecords, Leaf, Model, Moments, Node, NodeAttributes, NormalCone, Tree, links,
+    AlignedRecords, Leaf, Model, Node, NodeAttributes, NormalCone, SurfaceMoments, Tree, links,
 };
 use bytemuck::{AnyBitPattern, Pod, Zeroable};
 use glam::DVec3;
@@ -78,7 +78,7 @@ struct SharedLeaf {
 
 const SHARING: usize = size_of::<SharingEntry>();
 const SHARED_LEAF: usize = size_of::<SharedLeaf>();
-const NODE: usize = size_of::<Node>() + size_of::<NodeAttributes>() + size_of::<Moments>();
+const NODE: usize = size_of::<Node>() + size_of::<NodeAttributes>() + size_of::<SurfaceMoments>();
 
 /// Bytes of an upper page.
 pub(in crate::pages) fn upper_bytes(counts: UpperCounts) -> usize {
@@ -208,7 +208,8 @@ pub(super) fn decode(bytes: &[u8], origin: DVec3) -> Result<DecodedPage, PageFau
         &mut attributes,
         sections.take(node_count * size_of::<NodeAttributes>(), "attributes")?,
     );
-    let moments = records(sections.take(node_count * size_of::<Moments>(), "moments")?).collect();
+    let moments =
+        records(sections.take(node_count * size_of::<SurfaceMoments>(), "moments")?).collect();
     let leaves: AlignedRecords<Leaf> =
         records(sections.take(leaf_count * size_of::<Leaf>(), "leaves")?).collect();
     let has_colors = header.flags & COLORS != 0;

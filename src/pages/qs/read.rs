@@ -8,7 +8,7 @@ use crate::pages::quantize::{PageSphere, SPHERE_CODES};
 use glam::Vec3;
 use std::path::Path;
 
-/// Whether a file beginning with these bytes is a `.qs` file.
+/// Tells whether a file beginning with these bytes is a `.qs` file.
 pub fn is_qs_file(start: &[u8]) -> bool {
     start.starts_with(&MAGIC)
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::generate::GeneratedShape;
 use crate::math::octahedral;
 use crate::pages::quantize::CONE_SINES;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{self, Model};
 use std::path::Path;
 
@@ -79,7 +79,7 @@ fn one_leaf_is_a_header() {
         positions: vec![Vec3::ONE],
         ..Default::default()
     };
-    let model = tree::build_with_radii(mesh, &[2.0], &Silent).unwrap();
+    let model = tree::build_with_radii(mesh, &[2.0], &SilentProgress).unwrap();
     let own = of_model(&model).unwrap();
     let bytes = to_bytes(&own).unwrap();
     assert_eq!(bytes.len(), HEADER);

@@ -25,7 +25,7 @@ pub struct PageSphere {
 }
 
 impl PageSphere {
-    /// Whether this contains a ball, but for roundings of double precision.
+    /// Tells whether this contains a ball, but for roundings of double precision.
     #[inline]
     pub fn contains(&self, center: DVec3, radius: f64) -> bool {
         self.center.as_dvec3().distance(center) + radius

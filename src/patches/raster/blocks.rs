@@ -39,7 +39,7 @@ pub(super) struct RasterBand<'a> {
 /// Values that are written to the pixels of a patch.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum BlockInk {
-    /// Their color in the headlight.
+    /// Color of the pixels in the headlight.
     Lit(PatchLight),
     /// The number of the patch.
     Numbers,

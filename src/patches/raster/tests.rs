@@ -37,7 +37,8 @@ fn picture(
         rect_px,
     };
     let light = PatchLight {
-        is_parallel: !view.is_perspective || view.light == crate::math::camera::Light::Directional,
+        is_parallel: !view.is_perspective
+            || view.light == crate::math::camera::HeadlightSource::Directional,
         ..LIGHT
     };
     raster.draw_by(

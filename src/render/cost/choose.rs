@@ -49,9 +49,10 @@ impl ComputeShare {
     }
 }
 
-/// Whether `count` primitives are enough to pay for the pass that shades the picture, by a rule of thumb for devices whose
-/// costs are not known: `least` of them for each pixel of the rectangle that the model may be in. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns
-/// (triangles), drawing a primitive by compute instead of the rasterizer saves it about 60 to 80.
+/// Tells whether `count` primitives are enough to pay for the pass that shades the picture, by a rule of thumb for devices
+/// whose costs are not known: `least` of them for each pixel of the rectangle that the model may be in. Shading a pixel
+/// afterwards costs a software device 40 ns (splats) to 400 ns (triangles), drawing a primitive by compute instead of the
+/// rasterizer saves it about 60 to 80.
 pub(crate) fn pays(count: usize, least: f64, rect_px: [u32; 4], settings: &Settings) -> bool {
     settings.path == Path::Compute || count as f64 >= least * screen_bounds::pixels(rect_px) as f64
 }
@@ -273,9 +274,9 @@ fn log<T: std::fmt::Debug>(what: &str, chosen: &ChosenWay<T>) {
     );
 }
 
-/// Whether compute draws what the device chose, where nobody insists: of a splat and a triangle for each pixel, since how many
-/// there are is not known before. Where that was not measured it does: a graphics card takes 2 to 7 ns to set a primitive up, and
-/// by compute a hundredth (docs/experiments/graphics-card.md).
+/// Tells whether compute draws what the device chose, where nobody insists: of a splat and a triangle for each pixel, since how
+/// many there are is not known before. Where that was not measured it does: a graphics card takes 2 to 7 ns to set a primitive
+/// up, and by compute a hundredth (docs/experiments/graphics-card.md).
 pub(crate) fn draws_chosen(
     costs: Option<&DrawCosts>,
     settings: &Settings,
@@ -428,7 +429,7 @@ mod tests {
             .map(|(x, y)| glam::Vec3::new(x as f32, y as f32, 0.0))
             .collect();
         let options = crate::tree::BuildOptions::default();
-        let model = crate::tree::build(mesh, &options, &crate::progress::Silent).unwrap();
+        let model = crate::tree::build(mesh, &options, &crate::progress::SilentProgress).unwrap();
         let at = model.origin + glam::DVec3::new(0.0, 0.0, 1000.0);
         let camera = crate::math::camera::Camera::look_at(
             (500, 500),

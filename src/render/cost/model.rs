@@ -234,7 +234,7 @@ pub struct DrawCosts {
 }
 
 impl DrawCosts {
-    /// Whether a cut takes the device less time than the host, which has to write and move its lists besides.
+    /// Tells whether a cut takes the device less time than the host, which has to write and move its lists besides.
     pub fn cuts_on_device(&self) -> bool {
         matches!((self.device_node_ns, self.node_ns), (Some(device), Some(host)) if device < host)
     }
@@ -247,7 +247,7 @@ pub struct DrawLoad {
     pub triangles: u64,
     /// Splats that both paths can draw.
     pub splats: u64,
-    /// Their side or diameter, pixels.
+    /// Side or diameter of the splats, pixels.
     pub size_px: f32,
     /// Pixels of the picture.
     pub pixels: PicturePixels,
@@ -381,7 +381,7 @@ impl DrawCosts {
             .map(PrimitiveCosts::largest_point_px)
     }
 
-    /// These, and of `other` what is not among them.
+    /// Joins these costs and those of `other` that are not among them.
     pub fn or(self, other: Self) -> Self {
         Self {
             square: self.square.or(other.square),
@@ -398,7 +398,7 @@ impl DrawCosts {
         }
     }
 
-    /// Whether every figure is a time that can be: finite and not negative.
+    /// Tells whether every figure is a time that can be: finite and not negative.
     pub fn is_whole(&self) -> bool {
         let is_time = |ns: &f64| ns.is_finite() && *ns >= 0.0;
         let is_pass = |p: &PassCosts| {

@@ -69,13 +69,13 @@ impl PassSelection {
         }
     }
 
-    /// Whether the rasterizer may draw all splats.
+    /// Tells whether the rasterizer may draw all splats.
     pub(crate) fn is_rastered(&self) -> bool {
         let nothing = ComputeShare::Nothing;
         !self.has_splats_by_compute && self.share.is_none_or(|share| share == nothing)
     }
 
-    /// Whether compute draws blended splats, as far as is known.
+    /// Tells whether compute draws blended splats, as far as is known.
     pub(crate) fn has_blended_by_compute(&self) -> bool {
         self.share
             .is_some_and(|share| share != ComputeShare::Nothing)

@@ -30,11 +30,11 @@ const NOWHERE: f32 = f32::MAX;
 
 /// Logarithms of distances with a rim of nothing around, kept from frame to frame.
 #[derive(Debug, Default)]
-pub(crate) struct EyeDome {
+pub(crate) struct DepthLogarithms {
     levels: Vec<f32>,
 }
 
-impl EyeDome {
+impl DepthLogarithms {
     /// Darkens a picture, and its colors as floats where there are any, row by row of the rectangle. Beside the rectangle
     /// nothing is.
     pub(crate) fn darken(
@@ -235,7 +235,7 @@ mod tests {
                 .iter()
                 .map(|color| color.map(|byte| f32::from(byte) / 255.0))
                 .collect();
-            EyeDome::default().darken(&frame, picture, &mut values);
+            DepthLogarithms::default().darken(&frame, picture, &mut values);
             for (value, wanted) in values.iter().zip(&image.color) {
                 let off = (0..4).map(|c| (255.0 * value[c] - f32::from(wanted[c])).abs());
                 assert!(off.fold(0.0, f32::max) < 0.51, "{value:?}, {wanted:?}");

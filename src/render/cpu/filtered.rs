@@ -6,7 +6,7 @@
 //! one thread from beginning to end, so nothing is locked: a band is emptied, then the nearest pushed depth of each pixel is
 //! found, then deposits are added where that does not hide them. What is left is the same to the bit as what the shaders
 //! leave (`shaders/filtered/depth.comp`, `shaders/filtered/blend.comp`), which have the rules: a pixel's maximum and sums
-//! of whole numbers do not depend on any order, and each number is made by the same operations. Of triangles ([`Triangles`]) the
+//! of whole numbers do not depend on any order, and each number is made by the same operations. Of triangles ([`CutTriangles`]) the
 //! last place of a shade may be another one.
 
 mod blend;
@@ -17,12 +17,12 @@ mod splat_block;
 #[cfg(test)]
 mod tests;
 
-pub use crate::render::cpu::triangles::{Light, MeshVertices, Triangles};
+pub use crate::render::cpu::triangles::{CutTriangles, FrameLight, MeshVertices};
 
 use crate::abi::FilteredSplat;
 use crate::pack::filtered::ScreenGroups;
 use crate::pack::parallel;
-use crate::render::cpu::filtered::splat_block::Blocks;
+use crate::render::cpu::filtered::splat_block::SplatBlocks;
 use fearless_simd::{Level, Simd, dispatch};
 
 /// Rows of a band.
@@ -30,14 +30,14 @@ const BAND_PX: u32 = 32;
 
 /// The part of a picture that is drawn in, and what of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Canvas {
+pub struct PictureArea {
     /// Left, top, and one past right and bottom, pixels.
     pub rect_px: [u32; 4],
     /// Red, green and blue are the same in every splat.
     pub is_gray: bool,
 }
 
-impl Canvas {
+impl PictureArea {
     pub(crate) fn width(&self) -> usize {
         (self.rect_px[2] - self.rect_px[0]) as usize
     }
@@ -54,7 +54,7 @@ impl Canvas {
 }
 
 /// One band of the picture.
-pub(crate) struct Band<'a> {
+pub(crate) struct FilteredBand<'a> {
     /// First row and one past the last.
     pub(crate) rows: [u32; 2],
     pub(crate) front: &'a mut [u32],
@@ -72,27 +72,32 @@ pub struct GroupedSplats<'a> {
 
 /// What is drawn.
 #[derive(Debug, Clone, Copy)]
-pub struct List<'a> {
+pub struct DrawnSplats<'a> {
     /// Splats of each model.
     pub splats: &'a [GroupedSplats<'a>],
     /// Corners of triangles.
     pub meshes: MeshVertices<'a>,
     /// Of models with these vertices.
-    pub triangles: &'a Triangles,
+    pub triangles: &'a CutTriangles,
 }
 
 /// Draws a list. `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the
-/// first so many words, see [`Canvas::pixels`] and [`Canvas::words`].
+/// first so many words, see [`PictureArea::pixels`] and [`PictureArea::words`].
 ///
 /// # Panics
 /// When `front` or `sums` is shorter than that, or `groups` are of another list; when triangles were
 /// set up for another part of the picture.
-pub fn draw(list: List<'_>, canvas: Canvas, front: &mut [u32], sums: &mut [u64]) {
+pub fn draw(list: DrawnSplats<'_>, canvas: PictureArea, front: &mut [u32], sums: &mut [u64]) {
     draw_by(Level::new(), list, canvas, (front, sums));
 }
 
 /// The same by vectors of a level.
-fn draw_by(level: Level, list: List<'_>, canvas: Canvas, (front, sums): (&mut [u32], &mut [u64])) {
+fn draw_by(
+    level: Level,
+    list: DrawnSplats<'_>,
+    canvas: PictureArea,
+    (front, sums): (&mut [u32], &mut [u64]),
+) {
     assert!(
         list.triangles.are_within(canvas.rect_px),
         "they are of another part"
@@ -110,7 +115,11 @@ fn draw_by(level: Level, list: List<'_>, canvas: Canvas, (front, sums): (&mut [u
 }
 
 /// The bands of a canvas, which begin at whole multiples of their height.
-fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) -> Vec<Band<'a>> {
+fn bands<'a>(
+    canvas: PictureArea,
+    mut front: &'a mut [u32],
+    mut sums: &'a mut [u64],
+) -> Vec<FilteredBand<'a>> {
     let [_, top, _, bottom] = canvas.rect_px;
     let mut bands = Vec::new();
     let mut first = top;
@@ -121,7 +130,7 @@ fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) 
         (own, front) = front.split_at_mut(pixels);
         let own_sums;
         (own_sums, sums) = sums.split_at_mut(pixels * canvas.words());
-        bands.push(Band {
+        bands.push(FilteredBand {
             rows: [first, end],
             front: own,
             sums: own_sums,
@@ -134,9 +143,9 @@ fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) 
 #[inline(always)]
 fn draw_band<S: Simd, const GRAY: bool>(
     simd: S,
-    list: &List<'_>,
-    canvas: &Canvas,
-    band: &mut Band<'_>,
+    list: &DrawnSplats<'_>,
+    canvas: &PictureArea,
+    band: &mut FilteredBand<'_>,
 ) {
     band.front.fill(0);
     band.sums.fill(0);
@@ -146,7 +155,7 @@ fn draw_band<S: Simd, const GRAY: bool>(
     for own in list.splats {
         near.extend(own.groups.in_rows(own.splats, [first, end]));
     }
-    let mut blocks = Blocks::of(&near);
+    let mut blocks = SplatBlocks::of(&near);
     while let Some(block) = blocks.next() {
         depth::draw(simd, &block, canvas, band);
     }
@@ -155,7 +164,7 @@ fn draw_band<S: Simd, const GRAY: bool>(
         near.iter()
             .for_each(|splats| large::leave_depths(splats, canvas, band));
     }
-    let mut blocks = Blocks::of(&near);
+    let mut blocks = SplatBlocks::of(&near);
     while let Some(block) = blocks.next() {
         blend::draw::<S, GRAY>(simd, &block, canvas, band);
     }

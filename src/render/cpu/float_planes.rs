@@ -25,7 +25,7 @@ pub(crate) fn word_of(color: Vec4) -> u32 {
 }
 
 impl FloatPlanes {
-    /// Those of pictures with these outputs.
+    /// Planes of pictures with these outputs.
     pub(crate) fn of(outputs: PictureOutputs) -> Self {
         Self {
             outputs,

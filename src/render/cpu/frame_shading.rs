@@ -75,7 +75,7 @@ pub(super) struct TrianglePoint {
 }
 
 impl FrameShading {
-    /// That of a frame.
+    /// Shading of a frame.
     pub(crate) fn new(frame: &FrameConstants) -> Self {
         let view_from_model = Mat4::from_cols_array_2d(&frame.view_from_model);
         Self {
@@ -100,7 +100,7 @@ impl FrameShading {
         self.flags & flag != 0
     }
 
-    /// Whether the headlight decides alone: the frame has no lamp and shows no data.
+    /// Tells whether the headlight decides alone: the frame has no lamp and shows no data.
     pub(super) fn has_headlight(&self) -> bool {
         !self.has(OTHERS)
     }

@@ -20,14 +20,14 @@ mod surface_pass;
 mod triangles;
 mod viewport;
 
-pub use crate::render::cpu::opaque::bands::Places;
-pub use crate::render::cpu::opaque::framebuffer::Picture;
-pub use crate::render::cpu::opaque::headlight::Light;
+pub use crate::render::cpu::opaque::bands::SplatPlaces;
+pub use crate::render::cpu::opaque::framebuffer::ShownRectangle;
+pub use crate::render::cpu::opaque::headlight::FrameHeadlight;
 pub(crate) use crate::render::cpu::opaque::surface_pass::{
     SurfaceList, SurfacePlanes, draw_surfaces,
 };
 pub use crate::render::cpu::opaque::triangles::draw as draw_triangles;
-pub use crate::render::cpu::opaque::viewport::Screen;
+pub use crate::render::cpu::opaque::viewport::SplatScreen;
 
 use crate::abi::Splat;
 use crate::cut::{Cut, ZeroAreaSet};
@@ -35,15 +35,15 @@ use crate::math::camera::View;
 use crate::pack::Footprint;
 use crate::pack::parallel;
 use crate::pack::splats;
-use crate::pack::splats::{Part, Plan, Writer};
-use crate::render::cpu::opaque::bands::{Known, SPLAT_BIT, draw_by};
+use crate::pack::splats::{PackedPart, SplatPlan, SplatWriter};
+use crate::render::cpu::opaque::bands::{KnownSplats, SPLAT_BIT, draw_by};
 use crate::render::cpu::opaque::deferred_shading::WrittenPart;
 use crate::tree::Model;
 use fearless_simd::Level;
 
 /// The shape of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Look {
+pub struct SplatShape {
     /// Shape on the picture.
     pub footprint: Footprint,
     /// None has a radius of its own.
@@ -52,36 +52,38 @@ pub struct Look {
 
 /// Splats of a draw list, a part of it.
 #[derive(Clone, Copy)]
-pub(super) enum Source<'a> {
+pub(super) enum ListedSplats<'a> {
     /// Of a cut of a mesh; none has a radius of its own. What they look like is not asked for.
-    Cut(&'a Model, &'a ZeroAreaSet, Part<'a>),
+    Cut(&'a Model, &'a ZeroAreaSet, PackedPart<'a>),
     /// The same, with what they look like.
-    Surface(&'a Writer<'a>, Part<'a>),
-    /// Those that are written already.
+    Surface(&'a SplatWriter<'a>, PackedPart<'a>),
+    /// Splats that are written already.
     List(&'a [Splat]),
-    /// Those that are written already. What they look like is not asked for.
+    /// Splats that are written already. What they look like is not asked for.
     Places(&'a [Splat]),
 }
 
 /// Where a frame is drawn, and how it is lit.
-pub type Frame<'a> = (&'a Screen, &'a Light);
+pub type Frame<'a> = (&'a SplatScreen, &'a FrameHeadlight);
 
 /// Draws a list, whose last `samples` splats are squares of a pixel and whose others look like `look`. The picture
-/// becomes that, whatever it held: its first pixels, see [`Screen::pixels`].
+/// becomes that, whatever it held: its first pixels, see [`SplatScreen::pixels`].
 ///
 /// # Panics
 /// When the picture has fewer, or the list has fewer splats than `samples`.
 pub fn draw(
     splats: &[Splat],
-    (look, samples): (Look, usize),
+    (look, samples): (SplatShape, usize),
     frame: Frame<'_>,
-    places: &mut Places,
-    picture: Picture<'_>,
+    places: &mut SplatPlaces,
+    picture: ShownRectangle<'_>,
 ) {
     let (own, sampled) = splats.split_at(splats.len() - samples);
     let own = own.chunks(parallel::PART);
-    let own = own.map(|part| (Source::List(part), part.len())).collect();
-    let (list, known) = ((own, look, sampled), Known::Colors);
+    let own = own
+        .map(|part| (ListedSplats::List(part), part.len()))
+        .collect();
+    let (list, known) = ((own, look, sampled), KnownSplats::Colors);
     draw_by(Level::new(), list, frame, known, (places, picture));
 }
 
@@ -98,13 +100,13 @@ pub struct CutMesh<'a> {
 
 /// The splats of cuts of meshes, none of which has a radius of its own.
 #[derive(Clone, Copy)]
-pub struct Splats<'a> {
+pub struct CutSplats<'a> {
     /// The meshes with their cuts.
     pub meshes: &'a [CutMesh<'a>],
     /// What is seen of them.
     pub view: &'a View,
     /// How splats would be written: squares or circles, since discs in the plane of the surface have sizes of their own.
-    pub plan: &'a Plan,
+    pub plan: &'a SplatPlan,
     /// Most of them are seen, as what is hidden was left out: then they are shaded while they are looked at, and else
     /// what is seen once that is known.
     pub are_seen: bool,
@@ -114,44 +116,44 @@ pub struct Splats<'a> {
 /// that [`splats::pack`] would write.
 ///
 /// # Panics
-/// When the picture has fewer pixels than [`Screen::pixels`].
+/// When the picture has fewer pixels than [`SplatScreen::pixels`].
 pub fn draw_cut(
-    splats: Splats<'_>,
+    splats: CutSplats<'_>,
     samples: &[Splat],
     frame: Frame<'_>,
-    places: &mut Places,
-    picture: Picture<'_>,
+    places: &mut SplatPlaces,
+    picture: ShownRectangle<'_>,
 ) {
     draw_cut_by(Level::new(), splats, samples, frame, (places, picture));
 }
 
 fn draw_cut_by(
     level: Level,
-    splats: Splats<'_>,
+    splats: CutSplats<'_>,
     samples: &[Splat],
     frame: Frame<'_>,
-    (places, mut picture): (&mut Places, Picture<'_>),
+    (places, mut picture): (&mut SplatPlaces, ShownRectangle<'_>),
 ) {
-    let Splats {
+    let CutSplats {
         meshes,
         view,
         plan,
         are_seen,
     } = splats;
-    let look = Look {
+    let look = SplatShape {
         footprint: plan.footprint,
         has_one_size: true,
     };
     let writers = meshes
         .iter()
-        .map(|mesh| Writer::new(mesh.model, view, plan));
-    let writers: Vec<Writer<'_>> = writers.collect();
+        .map(|mesh| SplatWriter::new(mesh.model, view, plan));
+    let writers: Vec<SplatWriter<'_>> = writers.collect();
     let (mut parts, mut own) = (Vec::new(), Vec::new());
     for (mesh, writer) in meshes.iter().zip(&writers) {
         for (part, count) in splats::parts_of(mesh.cut, plan) {
             let source = match are_seen {
-                true => Source::Surface(writer, part),
-                false => Source::Cut(mesh.model, mesh.undrawn, part),
+                true => ListedSplats::Surface(writer, part),
+                false => ListedSplats::Cut(mesh.model, mesh.undrawn, part),
             };
             own.push((source, count));
             parts.push(WrittenPart {
@@ -162,8 +164,8 @@ fn draw_cut_by(
         }
     }
     let known = match are_seen {
-        true => Known::Colors,
-        false => Known::Places,
+        true => KnownSplats::Colors,
+        false => KnownSplats::Places,
     };
     let list = (own, look, samples);
     draw_by(level, list, frame, known, (places, picture.again()));
@@ -177,7 +179,7 @@ fn draw_cut_by(
 }
 
 /// Numbers become colors: those of as many splats.
-fn paint(screen: &Screen, count: usize, places: &Places, picture: Picture<'_>) {
+fn paint(screen: &SplatScreen, count: usize, places: &SplatPlaces, picture: ShownRectangle<'_>) {
     let colors = &places.pixels.colors()[..count];
     let width = screen.width().max(1);
     parallel::share(count, picture.bands(screen), |mut band| {

@@ -12,19 +12,19 @@ use crate::pack;
 use crate::pack::ColorBy;
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::LargeTriangles;
-use crate::pack::splats::Plan;
+use crate::pack::splats::SplatPlan;
 use crate::patches::PatchRaster;
 use crate::render::backdrop::BackgroundGradient;
 use crate::render::cpu::ambient_occlusion::AmbientOcclusionLook;
-use crate::render::cpu::eye_dome::EyeDome;
+use crate::render::cpu::eye_dome::DepthLogarithms;
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
-use crate::render::cpu::filtered::{Canvas, GroupedSplats};
+use crate::render::cpu::filtered::{GroupedSplats, PictureArea};
 use crate::render::cpu::float_planes::{FloatPlanes, word_of};
 use crate::render::cpu::opaque;
-use crate::render::cpu::opaque::{CutMesh, Picture, Places};
+use crate::render::cpu::opaque::{CutMesh, ShownRectangle, SplatPlaces};
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
-use crate::render::cpu::triangles::{Light, MeshVertices, SurfaceMesh, Triangles};
+use crate::render::cpu::triangles::{CutTriangles, FrameLight, MeshVertices, SurfaceMesh};
 use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::FrameContext;
 use crate::render::frame_plan::FramePlan;
@@ -77,8 +77,8 @@ pub struct CpuRenderer {
     triangle_ids: Vec<Vec<u32>>,
     /// Number of triangles that were set up.
     pub(super) triangles_given: usize,
-    triangles: Triangles,
-    places: Places,
+    triangles: CutTriangles,
+    places: SplatPlaces,
     filtered: Vec<FilteredSplat>,
     front: Vec<u32>,
     sums: Vec<u64>,
@@ -86,9 +86,9 @@ pub struct CpuRenderer {
     depths: Vec<f32>,
     planes: FloatPlanes,
     rect_px: [u32; 4],
-    eye_dome: EyeDome,
+    eye_dome: DepthLogarithms,
     ambient_occlusion: AmbientOcclusionLook,
-    /// That of the last frame.
+    /// Background of the last frame.
     gradient: Option<BackgroundGradient>,
 }
 
@@ -120,15 +120,15 @@ impl CpuRenderer {
             rest: LargeTriangles::new(),
             triangle_ids: Vec::new(),
             triangles_given: 0,
-            triangles: Triangles::default(),
-            places: Places::default(),
+            triangles: CutTriangles::default(),
+            places: SplatPlaces::default(),
             filtered: Vec::new(),
             front: Vec::new(),
             sums: Vec::new(),
             depths: Vec::new(),
             planes: FloatPlanes::default(),
             rect_px: [0; 4],
-            eye_dome: EyeDome::default(),
+            eye_dome: DepthLogarithms::default(),
             ambient_occlusion: AmbientOcclusionLook::default(),
             gradient: None,
         }
@@ -146,7 +146,7 @@ impl CpuRenderer {
         self.size
     }
 
-    /// Whether a frame that is the same as the last is not drawn again, and one whose cut is the same keeps that. Off at
+    /// Tells whether a frame that is the same as the last is not drawn again, and one whose cut is the same keeps that. Off at
     /// first, so that who measures frames measures whole ones; [`FrameTimes::kept`] says what was kept.
     pub fn keep_frames(&mut self, keep: bool) {
         self.keeps_frames = keep;
@@ -204,7 +204,7 @@ impl CpuRenderer {
         let rect_pixels = screen_bounds::pixels(context.rect_px) as usize;
         self.depths.resize(rect_pixels.max(self.depths.len()), 0.0);
         self.planes.begin(context.rect_px, context.background);
-        let light = opaque::Light::new(&plan.constants);
+        let light = opaque::FrameHeadlight::new(&plan.constants);
         area.begin(&mut pixels, self.size, context.rect_px, light.background());
         let meshes: Vec<SurfaceMesh<'_>> = (drawn.iter())
             .map(|part| SurfaceMesh::of(part.model))
@@ -263,12 +263,12 @@ impl CpuRenderer {
     fn draw_opaque(
         &mut self,
         frame: &CpuFrame<'_>,
-        light: &opaque::Light,
+        light: &opaque::FrameHeadlight,
         pixels: &mut PixelWords<'_>,
     ) -> DrawnCounts {
         let (settings, view) = (frame.settings, frame.view);
         let rect_px = frame.context.rect_px;
-        let Some(screen) = opaque::Screen::new(frame.constants, rect_px) else {
+        let Some(screen) = opaque::SplatScreen::new(frame.constants, rect_px) else {
             unreachable!("sides of pictures are limited");
         };
         let corners = frame.corner_screen();
@@ -298,7 +298,7 @@ impl CpuRenderer {
         let depths = &mut self.depths[..rect_pixels];
         let has_triangles = self.triangles.count() > 0;
         if has_triangles {
-            let picture = Picture {
+            let picture = ShownRectangle {
                 colors: &mut *colors,
                 pitch: base,
                 depths: &mut *depths,
@@ -312,7 +312,7 @@ impl CpuRenderer {
                 picture,
             );
         }
-        let picture = Picture {
+        let picture = ShownRectangle {
             colors,
             pitch: base,
             depths,
@@ -337,7 +337,7 @@ impl CpuRenderer {
                 .iter()
                 .map(|mesh| mesh.undrawn.count_in(mesh.cut));
             undrawn_count = undrawn.sum();
-            let own = opaque::Splats {
+            let own = opaque::CutSplats {
                 meshes: &cut_meshes,
                 view,
                 plan: &plan,
@@ -345,7 +345,7 @@ impl CpuRenderer {
             };
             opaque::draw_cut(own, splats, target, &mut self.places, picture);
         } else {
-            let look = opaque::Look {
+            let look = opaque::SplatShape {
                 footprint: settings.footprint(),
                 has_one_size,
             };
@@ -366,7 +366,7 @@ impl CpuRenderer {
     fn pack_opaque(
         &mut self,
         frame: &CpuFrame<'_>,
-        plan: &Plan,
+        plan: &SplatPlan,
         corners: &small_triangles::CornerScreen,
         [own, samples_triangles]: [usize; 2],
     ) -> (usize, usize) {
@@ -451,17 +451,17 @@ impl CpuRenderer {
         if settings.method == Method::Pop && triangle_count != triangles {
             self.chosen = None;
         }
-        let light = Light::of_frame(frame.constants, frame.corner_screen());
+        let light = FrameLight::of_frame(frame.constants, frame.corner_screen());
         let is_lit = self.triangles.set_all(&drawn, Some(light));
         debug_assert!(is_lit, "there is a light");
-        let canvas = Canvas {
+        let canvas = PictureArea {
             rect_px: frame.context.rect_px,
             is_gray: settings.shades_gray(frame.drawn.has_colors()),
         };
         let (count, words) = (canvas.pixels(), canvas.pixels() * canvas.words());
         self.front.resize(count.max(self.front.len()), 0);
         self.sums.resize(words.max(self.sums.len()), 0);
-        let list = filtered::List {
+        let list = filtered::DrawnSplats {
             splats: &splats,
             meshes: frame.meshes,
             triangles: &self.triangles,

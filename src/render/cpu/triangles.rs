@@ -7,7 +7,7 @@
 
 mod surface;
 
-pub(super) use self::surface::{FaceTexture, Surface, SurfaceMesh};
+pub(super) use self::surface::{FaceSurface, FaceTexture, SurfaceMesh};
 
 use crate::abi::FrameConstants;
 use crate::abi::constants::{
@@ -16,7 +16,7 @@ use crate::abi::constants::{
 use crate::pack::small_triangles::{CornerScreen, PlacedCorner};
 use crate::pack::{ALBEDO, parallel};
 use crate::render::cpu::clip;
-use crate::render::cpu::filtered::{Band, Canvas};
+use crate::render::cpu::filtered::{FilteredBand, PictureArea};
 use crate::render::cpu::frame_shading::{
     FrameShading, ShadedPoint, TRIANGLE_TINT, TrianglePoint, unit_or_zero,
 };
@@ -37,7 +37,7 @@ const AHEAD: usize = 2 * parallel::AHEAD;
 
 /// The light of a frame, and where the device places corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Light {
+pub struct FrameLight {
     screen: CornerScreen,
     shading: FrameShading,
     /// From model to view space.
@@ -52,14 +52,14 @@ pub struct Light {
     pub(super) has_colors: bool,
 }
 
-impl Light {
-    /// That of a frame; none where it shows data, or has a lamp, which is the device's.
+impl FrameLight {
+    /// Light of a frame; none where it shows data, or has a lamp, which is the device's.
     pub fn new(frame: &FrameConstants, screen: CornerScreen) -> Option<Self> {
         let light = Self::of_frame(frame, screen);
         light.shading.has_headlight().then_some(light)
     }
 
-    /// That of a frame, which may have a lamp or show data.
+    /// Light of a frame, which may have a lamp or show data.
     pub(super) fn of_frame(frame: &FrameConstants, screen: CornerScreen) -> Self {
         let has = |flag: u32| frame.flags & flag != 0;
         let is_tinted = has(FLAG_COLOR_BY_PRIMITIVE);
@@ -85,7 +85,7 @@ impl Light {
 
 /// A triangle that may cover a center of a pixel, clockwise in the picture.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Face {
+pub(super) struct PictureFace {
     /// The first corner, steps of 1/256 pixel from the corner of the picture, and the others from there.
     pub(super) origin: [i32; 2],
     pub(super) others: [[i32; 2]; 2],
@@ -95,7 +95,7 @@ pub(super) struct Face {
     corners: [u32; 3],
     /// Pixels that it may cover: left, top, and one past right and bottom.
     pub(super) pixels: [u32; 4],
-    /// Index into [`Part::clipped`] of a piece of a clipped triangle; else [`WHOLE_TRIANGLE`].
+    /// Index into [`FacePart::clipped`] of a piece of a clipped triangle; else [`WHOLE_TRIANGLE`].
     clipped: u32,
 }
 
@@ -108,44 +108,44 @@ pub type MeshVertices<'a> = &'a [SurfaceMesh<'a>];
 /// A triangle with the part that it is of, and its number among those of all parts.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NumberedFace<'a> {
-    pub(super) part: &'a Part,
-    pub(super) face: &'a Face,
+    pub(super) part: &'a FacePart,
+    pub(super) face: &'a PictureFace,
     pub(super) number: u32,
 }
 
 /// The triangles of a cut, as [`crate::render::cpu::filtered::draw`] draws them; none by default. Memory is kept from cut to cut.
 #[derive(Debug, Default)]
-pub struct Triangles {
+pub struct CutTriangles {
     /// None where there are no triangles, or others are the device's.
-    light: Option<Light>,
-    parts: Vec<Part>,
+    light: Option<FrameLight>,
+    parts: Vec<FacePart>,
 }
 
 /// What one thread sets up.
 #[derive(Debug, Default)]
-pub(super) struct Part {
+pub(super) struct FacePart {
     /// Number of the first among those of all parts.
     first: u32,
     /// Index of the mesh that they are of.
     mesh: usize,
-    faces: Vec<Face>,
+    faces: Vec<PictureFace>,
     /// The first row that those of each [`GROUP`] may cover, and one past the last.
     rows: Vec<[u32; 2]>,
     /// Of pieces of clipped triangles: the weights of the triangle's corners at those of the piece, a column each.
     clipped: Vec<Mat3>,
 }
 
-impl Triangles {
+impl CutTriangles {
     /// Becomes those with these ids in the light of a frame, clipped to what the frame can show. Without a light, of which
-    /// [`Light::new`] has none, it says so and becomes none, unless there are none.
+    /// [`FrameLight::new`] has none, it says so and becomes none, unless there are none.
     #[must_use]
-    pub fn set(&mut self, model: &Model, ids: &[u32], light: Option<Light>) -> bool {
+    pub fn set(&mut self, model: &Model, ids: &[u32], light: Option<FrameLight>) -> bool {
         self.set_all(&[(model, ids)], light)
     }
 
-    /// As [`Triangles::set`], of several models; a triangle belongs to the mesh of its model's index.
+    /// As [`CutTriangles::set`], of several models; a triangle belongs to the mesh of its model's index.
     #[must_use]
-    pub fn set_all(&mut self, drawn: &[(&Model, &[u32])], light: Option<Light>) -> bool {
+    pub fn set_all(&mut self, drawn: &[(&Model, &[u32])], light: Option<FrameLight>) -> bool {
         self.light = light;
         let count = drawn.iter().map(|(_, ids)| ids.len()).sum();
         let Some(light) = &self.light else {
@@ -157,7 +157,7 @@ impl Triangles {
             chunks.map(move |ids| (mesh, model, ids))
         });
         let chunks: Vec<(usize, &Model, &[u32])> = chunks.collect();
-        self.parts.resize_with(chunks.len(), Part::default);
+        self.parts.resize_with(chunks.len(), FacePart::default);
         let jobs = chunks.into_iter().zip(&mut self.parts);
         parallel::share(count, jobs, |((mesh, model, ids), part)| {
             part.mesh = mesh;
@@ -176,12 +176,12 @@ impl Triangles {
         self.parts.iter().map(|part| part.faces.len()).sum()
     }
 
-    /// Whether they are of this part of a picture: left, top, and one past right and bottom, pixels.
+    /// Tells whether they are of this part of a picture: left, top, and one past right and bottom, pixels.
     pub(super) fn are_within(&self, rect_px: [u32; 4]) -> bool {
         (self.light).is_none_or(|light| light.screen.rect_px() == rect_px)
     }
 
-    /// Those that may cover a pixel of some rows, in their order.
+    /// Faces that may cover a pixel of some rows, in their order.
     pub(super) fn near(&self, rows: [u32; 2]) -> impl Iterator<Item = NumberedFace<'_>> {
         let are_near = move |[first, end]: [u32; 2]| first < rows[1] && end > rows[0];
         self.parts.iter().flat_map(move |part| {
@@ -194,7 +194,7 @@ impl Triangles {
         })
     }
 
-    /// The one of a number that [`Triangles::near`] gave.
+    /// The one of a number that [`CutTriangles::near`] gave.
     pub(super) fn numbered(&self, number: u32) -> Option<NumberedFace<'_>> {
         let parts = self.parts.partition_point(|part| part.first <= number);
         let part = self.parts.get(parts.checked_sub(1)?)?;
@@ -203,12 +203,12 @@ impl Triangles {
     }
 
     /// The light that they are in; none where there are none.
-    pub(super) fn light(&self) -> Option<&Light> {
+    pub(super) fn light(&self) -> Option<&FrameLight> {
         self.light.as_ref()
     }
 
     /// Leaves their depths in the pixels that they cover.
-    pub(super) fn leave_depths(&self, canvas: &Canvas, band: &mut Band<'_>) {
+    pub(super) fn leave_depths(&self, canvas: &PictureArea, band: &mut FilteredBand<'_>) {
         for NumberedFace { face, .. } in self.near(band.rows) {
             face.for_each_pixel(band.rows, |[x, y], weights| {
                 let depth = face.depth_at(weights).to_bits();
@@ -219,7 +219,12 @@ impl Triangles {
     }
 
     /// Adds their shades with weight 1 where nothing hides them.
-    pub(super) fn blend(&self, meshes: MeshVertices<'_>, canvas: &Canvas, band: &mut Band<'_>) {
+    pub(super) fn blend(
+        &self,
+        meshes: MeshVertices<'_>,
+        canvas: &PictureArea,
+        band: &mut FilteredBand<'_>,
+    ) {
         let Some(light) = &self.light else { return };
         for NumberedFace { part, face, .. } in self.near(band.rows) {
             // Most are hidden, or share what they are like with no other pixel.
@@ -230,7 +235,8 @@ impl Triangles {
                 if band.front[at] > depth.to_bits() {
                     return;
                 }
-                let surface = surface.get_or_insert_with(|| Surface::of(face, part, meshes, light));
+                let surface =
+                    surface.get_or_insert_with(|| FaceSurface::of(face, part, meshes, light));
                 let place = SurfacePlace {
                     pixel: [x, y],
                     weights: weights * face.inverse_w,
@@ -257,14 +263,14 @@ fn in_steps(value: f32) -> u64 {
     u64::from((value * COARSE_STEPS + 0.5) as u32)
 }
 
-impl Canvas {
+impl PictureArea {
     /// Where a pixel lies in a band that begins at a row.
     pub(super) fn index(&self, [first, _]: [u32; 2], [x, y]: [u32; 2]) -> usize {
         (y - first) as usize * self.width() + (x - self.rect_px[0]) as usize
     }
 }
 
-impl Face {
+impl PictureFace {
     fn rows(&self) -> [u32; 2] {
         [self.pixels[1], self.pixels[3]]
     }
@@ -301,16 +307,16 @@ impl Face {
     /// Twice the area, steps^2 of 1/256 pixel, and the functions of the edges opposite the corners, which are at their first
     /// value at the center of a pixel.
     #[inline]
-    pub(super) fn edges_from(&self, pixel: [u32; 2]) -> (f32, [Edge; 3]) {
+    pub(super) fn edges_from(&self, pixel: [u32; 2]) -> (f32, [FaceEdge; 3]) {
         let [second, third] = self.others.map(|corner| corner.map(i64::from));
         let area = (second[0] * third[1] - second[1] * third[0]) as f32;
         let center =
             |axis: usize| 256 * i64::from(pixel[axis]) + 128 - i64::from(self.origin[axis]);
         let first = [center(0), center(1)];
         let edges = [
-            Edge::new(second, third, first),
-            Edge::new(third, [0; 2], first),
-            Edge::new([0; 2], second, first),
+            FaceEdge::new(second, third, first),
+            FaceEdge::new(third, [0; 2], first),
+            FaceEdge::new([0; 2], second, first),
         ];
         (area, edges)
     }
@@ -335,7 +341,7 @@ impl Face {
 
 /// A function that is positive inside of an edge and proportional to the weight of the corner opposite.
 #[derive(Clone, Copy)]
-pub(super) struct Edge {
+pub(super) struct FaceEdge {
     /// At the first pixel, and by how much it grows to the next one of the row and of the column.
     pub(super) first: i64,
     pub(super) right: i64,
@@ -344,7 +350,7 @@ pub(super) struct Edge {
     pub(super) least: i64,
 }
 
-impl Edge {
+impl FaceEdge {
     fn new(from: [i64; 2], to: [i64; 2], at: [i64; 2]) -> Self {
         let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
         // A left edge runs up, a top edge to the right, with y down.
@@ -358,7 +364,7 @@ impl Edge {
     }
 }
 
-/// Whether whole steps can say where a corner is.
+/// Tells whether whole steps can say where a corner is.
 fn is_within_reach(placed: &PlacedCorner) -> bool {
     placed.steps.iter().all(|steps| steps.abs() <= MOST_STEPS)
 }
@@ -379,9 +385,9 @@ impl SurfacePlace {
     }
 }
 
-impl Light {
+impl FrameLight {
     /// Fills a part with those of these triangles that may cover a pixel.
-    fn fill(&self, part: &mut Part, model: &Model, ids: &[u32]) {
+    fn fill(&self, part: &mut FacePart, model: &Model, ids: &[u32]) {
         part.faces.clear();
         part.clipped.clear();
         for (index, &id) in ids.iter().enumerate() {
@@ -404,14 +410,14 @@ impl Light {
         }
         part.rows.clear();
         part.rows.extend(part.faces.chunks(GROUP).map(|group| {
-            let rows = group.iter().map(Face::rows);
+            let rows = group.iter().map(PictureFace::rows);
             rows.fold([u32::MAX, 0], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
         }));
     }
 
     /// Adds the pieces of a triangle that are between the near and the far plane and within reach of whole steps.
     #[cold]
-    fn add_clipped(&self, part: &mut Part, corners: [u32; 3], positions: [Vec3; 3]) {
+    fn add_clipped(&self, part: &mut FacePart, corners: [u32; 3], positions: [Vec3; 3]) {
         let clip = positions.map(|position| self.screen.clip(position));
         let polygon = clip::clipped(clip, self.screen.viewport_px());
         for pieces in 1..polygon.len().max(2) - 1 {
@@ -424,7 +430,7 @@ impl Light {
             let numbers = [0, 1, 2];
             if let Some(face) = self.face([a, b, c], numbers) {
                 let weights = face.corners.map(|number| piece[number as usize].weights);
-                part.faces.push(Face {
+                part.faces.push(PictureFace {
                     corners,
                     clipped: part.clipped.len() as u32,
                     ..face
@@ -440,7 +446,7 @@ impl Light {
         &self,
         placed: [PlacedCorner; 3],
         [first, mut second, mut third]: [u32; 3],
-    ) -> Option<Face> {
+    ) -> Option<PictureFace> {
         let steps = placed.map(|corner| corner.steps.map(|steps| (steps + WHOLE - WHOLE) as i32));
         let [a, mut b, mut c] = placed;
         let origin = steps[0];
@@ -469,7 +475,7 @@ impl Light {
             [first as u32, end.max(first) as u32]
         };
         let ([left, right], [top, bottom]) = (range(0, least_x, most_x), range(1, least_y, most_y));
-        (left < right && top < bottom).then(|| Face {
+        (left < right && top < bottom).then(|| PictureFace {
             origin,
             others,
             depth: Vec3::new(a.depth, b.depth, c.depth),
@@ -481,7 +487,7 @@ impl Light {
     }
 
     /// Color and normal of a surface.
-    pub(super) fn point_at(&self, surface: &Surface<'_>, place: &SurfacePlace) -> ShadedPoint {
+    pub(super) fn point_at(&self, surface: &FaceSurface<'_>, place: &SurfacePlace) -> ShadedPoint {
         let normal = unit_or_zero(surface.normals * (place.weights / place.inverse_w()));
         ShadedPoint {
             color: self.color_at(surface, place),
@@ -491,7 +497,7 @@ impl Light {
 
     /// Color of a surface.
     #[inline]
-    fn color_at(&self, surface: &Surface<'_>, place: &SurfacePlace) -> Vec3 {
+    fn color_at(&self, surface: &FaceSurface<'_>, place: &SurfacePlace) -> Vec3 {
         if self.shading.has_headlight() {
             return self.shade(surface, place.pixel, place.weights);
         }
@@ -508,7 +514,7 @@ impl Light {
 
     /// What the headlight makes of a surface at a pixel, where corners have weights in proportion to these.
     #[inline]
-    fn shade(&self, surface: &Surface<'_>, [x, y]: [u32; 2], placed: Vec3) -> Vec3 {
+    fn shade(&self, surface: &FaceSurface<'_>, [x, y]: [u32; 2], placed: Vec3) -> Vec3 {
         let weights = placed / (placed.x + placed.y + placed.z);
         let normal = surface.normals * weights;
         let to_light = match self.is_parallel {

@@ -19,7 +19,7 @@ use std::time::Instant;
 pub(super) struct CpuPictures {
     pub(super) renderer: Box<CpuRenderer>,
     outputs: PictureOutputs,
-    /// Those of the last frame, which looks may ask for more.
+    /// Outputs of the last frame, which looks may ask for more.
     drawn_outputs: PictureOutputs,
     /// The picture of the last frame with photographs on it.
     looked: Option<Image>,

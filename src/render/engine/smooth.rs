@@ -2,7 +2,7 @@
 
 use super::Engine;
 use crate::gpu::Error;
-use crate::image::{Accumulator, EVEN_SAMPLES, FloatImage, Image, evenly, mean_difference};
+use crate::image::{EVEN_SAMPLES, FloatImage, Image, PictureAccumulator, evenly, mean_difference};
 use crate::math::camera::View;
 use crate::render::{Method, Settings, SplatKind};
 use std::ops::Range;
@@ -67,8 +67,8 @@ impl Engine<'_> {
         view: &View,
         settings: &Settings,
         numbers: Range<u32>,
-    ) -> Result<Accumulator, Error> {
-        let mut sum = Accumulator::new();
+    ) -> Result<PictureAccumulator, Error> {
+        let mut sum = PictureAccumulator::new();
         for i in numbers {
             add(&mut sum, &self.sample(&evenly(view, i), settings)?);
         }
@@ -77,7 +77,7 @@ impl Engine<'_> {
 
     /// As [`Engine::smooth`], of 16 or 64 samples on grids: pixels of a larger picture lie on them.
     fn smooth_of_grids(&mut self, view: &View, settings: &Settings) -> Result<FloatImage, Error> {
-        let mut halves = [Accumulator::new(), Accumulator::new()];
+        let mut halves = [PictureAccumulator::new(), PictureAccumulator::new()];
         self.samples(view, settings, LEAST_SIDE, |i, image| {
             add(&mut halves[((i + i / LEAST_SIDE) % 2) as usize], image);
         })?;
@@ -90,13 +90,13 @@ impl Engine<'_> {
     }
 }
 
-fn add(sum: &mut Accumulator, image: &Image) {
+fn add(sum: &mut PictureAccumulator, image: &Image) {
     if let Err(error) = sum.add(image) {
         unreachable!("pictures of one view: {error}");
     }
 }
 
-fn joined(sum: &mut Accumulator, other: &Accumulator) {
+fn joined(sum: &mut PictureAccumulator, other: &PictureAccumulator) {
     if let Err(error) = sum.join(other) {
         unreachable!("pictures of one view: {error}");
     }

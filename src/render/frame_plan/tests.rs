@@ -11,7 +11,12 @@ use glam::DVec3;
 fn statue() -> Model {
     let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 2_000).unwrap();
     let options = crate::tree::BuildOptions::default();
-    crate::tree::build(generate::mesh(&spec), &options, &crate::progress::Silent).unwrap()
+    crate::tree::build(
+        generate::mesh(&spec),
+        &options,
+        &crate::progress::SilentProgress,
+    )
+    .unwrap()
 }
 
 fn view_of(model: &Model) -> View {
@@ -155,7 +160,7 @@ fn the_device_chooses_cuts_where_it_is_asked_or_sooner() {
 }
 
 #[test]
-fn lists_hold_numbers_where_the_device_has_memory_of_its_own() {
+fn lists_hold_ids_where_the_device_has_memory_of_its_own() {
     let ids = |list_of, splat, capabilities| {
         let settings = Settings {
             list_of,
@@ -179,7 +184,7 @@ fn lists_hold_numbers_where_the_device_has_memory_of_its_own() {
     assert!(ids(ListOf::Ids, square, &software).unwrap());
     assert!(!ids(ListOf::Auto, SplatKind::Filtered, &CARD).unwrap());
     let refused = ids(ListOf::Ids, SplatKind::Filtered, &CARD).unwrap_err();
-    assert!(refused.to_string().contains("numbers"), "{refused}");
+    assert!(refused.to_string().contains("lists of ids"), "{refused}");
 }
 
 #[test]
@@ -223,5 +228,42 @@ fn plans_of_the_same_lists_are_told_from_others() {
     assert_ne!(
         key(&base, &view),
         key(&of_splat(SplatKind::Disc, 2.0), &view)
+    );
+}
+
+#[test]
+fn plans_of_the_same_inputs_are_equal_and_others_are_not() {
+    let model = statue();
+    let facts = ModelFacts::of(&model);
+    let view = view_of(&model);
+    let mut moved = view;
+    moved.offset[0] += 0.01;
+    let parts = [FactedModel {
+        model: &model,
+        facts: &facts,
+        cut: None,
+    }];
+    let plan = |settings: &Settings, view: &View| {
+        let input = PlanInput {
+            parts: DrawnParts::new(&parts),
+            view,
+            outputs: PictureOutputs::default(),
+            capabilities: &CARD,
+            costs: None,
+        };
+        FramePlan::new(settings, &input).unwrap()
+    };
+    let base = of_splat(SplatKind::Square, 2.0);
+    // No draw list is told of it, but the whole plan is.
+    let red = Settings {
+        background: [1.0, 0.0, 0.0],
+        ..base
+    };
+    assert_eq!(plan(&base, &view), plan(&base, &view));
+    assert_ne!(plan(&base, &view), plan(&red, &view));
+    assert_ne!(plan(&base, &view), plan(&base, &moved));
+    assert_ne!(
+        plan(&base, &view),
+        plan(&of_splat(SplatKind::Square, 2.5), &view)
     );
 }

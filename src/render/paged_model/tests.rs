@@ -4,12 +4,17 @@ use super::*;
 use crate::generate::{self, GeneratedShape, ShapeSpec};
 use crate::pages::source::MemorySource;
 use crate::pages::write::{PagedOptions, to_bytes};
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{self, BuildOptions};
 
 fn file_of(shape: GeneratedShape) -> PagedFile {
     let spec = ShapeSpec::with_triangles(shape, 40_000).unwrap();
-    let model = tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap();
+    let model = tree::build(
+        generate::mesh(&spec),
+        &BuildOptions::default(),
+        &SilentProgress,
+    )
+    .unwrap();
     let options = PagedOptions {
         page_leaves: 128,
         colors: None,
@@ -55,14 +60,14 @@ fn cuts_have_numbers_of_their_own_and_rest_with_the_view() {
     };
     let settings = Settings::default();
     assert_eq!(pages.resident_pages(), 0);
-    pages.load(&view(0.3), &settings, &Silent).unwrap();
+    pages.load(&view(0.3), &settings, &SilentProgress).unwrap();
     assert_eq!((pages.wanted_pages(), pages.has_news()), (0, false));
     let first = pages.generation();
     for _ in 0..3 {
         pages.prepare(&view(0.3), &settings).unwrap();
         assert_eq!(pages.generation(), first);
     }
-    pages.load(&view(2.0), &settings, &Silent).unwrap();
+    pages.load(&view(2.0), &settings, &SilentProgress).unwrap();
     let other = pages.generation();
     assert!(other > first);
     pages.prepare(&view(0.3), &settings).unwrap();

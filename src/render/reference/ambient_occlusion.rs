@@ -35,7 +35,7 @@ pub(crate) struct PixelSurroundings {
 }
 
 impl PixelSurroundings {
-    /// Those of pixels of a view.
+    /// Surroundings of pixels of a view.
     pub(crate) fn new(view: &View, radius_px: f32) -> Self {
         Self {
             radius_px,

@@ -3,7 +3,7 @@
 
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
-use crate::pack::Style;
+use crate::pack::PrimitiveStyle;
 use crate::render::PictureOutputs;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -140,7 +140,7 @@ pub(super) struct ShownPixel {
 
 impl ShownPixel {
     /// The background of a style.
-    pub(super) fn background(style: &Style) -> Self {
+    pub(super) fn background(style: &PrimitiveStyle) -> Self {
         let [r, g, b] = style.background.map(f64::from);
         Self {
             color: [r, g, b, 0.0],

@@ -69,7 +69,7 @@ enum DiscShape {
     Form { form: DVec3, skew: DVec2 },
 }
 
-/// What a pixel sees of a round splat.
+/// Sample of a round splat in a pixel.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct DiscSample {
     /// Square of the distance from the center in the plane of the disc, in radii.
@@ -82,7 +82,7 @@ pub(super) struct DiscSample {
 struct UnboundedDisc {
     center: DVec3,
     shape: DiscShape,
-    /// Those of `shape`, of which they give the bounds.
+    /// Numbers of `shape` that give its bounds.
     form: DVec3,
     skew: DVec2,
 }
@@ -212,12 +212,12 @@ impl DiscFootprint {
         UnboundedDisc::of_form(center.as_dvec3(), form, DVec2::ZERO, 0.0).bounded(frame, true)
     }
 
-    /// What pixel (x, y) sees of it; `None` outside.
+    /// Sample of pixel (x, y); `None` outside.
     pub(super) fn sample(&self, x: u32, y: u32) -> Option<DiscSample> {
         Some(self.met(x, y)).filter(|sample| sample.rho_squared <= 1.0)
     }
 
-    /// Where the ray of pixel (x, y) meets the plane, inside or outside; infinitely far where that is behind the eye.
+    /// Point where the ray of pixel (x, y) meets the plane, inside or outside; infinitely far where that is behind the eye.
     pub(super) fn met(&self, x: u32, y: u32) -> DiscSample {
         let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let mut distance = None;

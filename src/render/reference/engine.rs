@@ -6,8 +6,8 @@ use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack;
 use crate::pack::falsecolor::depth_range;
-use crate::pack::splats::Record;
-use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, Style};
+use crate::pack::splats::SplatRecord;
+use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, PrimitiveStyle};
 use crate::render::PictureOutputs;
 use crate::render::backdrop::BackgroundGradient;
 use crate::render::cut_key::CutKey;
@@ -35,8 +35,10 @@ use std::time::Instant;
 #[derive(Debug)]
 pub(in crate::render) struct MirrorEngine {
     pub(in crate::render) outputs: PictureOutputs,
-    /// As [`Style::subpixel_bits`].
+    /// As [`PrimitiveStyle::subpixel_bits`].
     subpixel_bits: u32,
+    /// As [`PrimitiveStyle::albedo`].
+    albedo: f32,
     selector: CutSelector,
     cuts: PartCuts,
     /// The picture of the last frame.
@@ -48,7 +50,7 @@ pub(in crate::render) struct MirrorEngine {
 /// What one frame draws: splats of one kind at most.
 #[derive(Default)]
 struct PackedLists<'m> {
-    /// Those of the model, or of the cut.
+    /// Triangles of the model, or of the cut.
     triangles: Cow<'m, [[u32; 3]]>,
     splats: Vec<Splat>,
     weighted: Vec<WeightedSplat>,
@@ -63,10 +65,15 @@ struct PackedLists<'m> {
 
 impl MirrorEngine {
     pub(in crate::render) fn new(outputs: PictureOutputs) -> Self {
-        let subpixel_bits = Style::default().subpixel_bits;
+        let PrimitiveStyle {
+            subpixel_bits,
+            albedo,
+            ..
+        } = PrimitiveStyle::default();
         Self {
             outputs,
             subpixel_bits,
+            albedo,
             selector: CutSelector::default().with_subpixel_bits(subpixel_bits),
             cuts: PartCuts::default(),
             image: Image::default(),
@@ -74,10 +81,15 @@ impl MirrorEngine {
         }
     }
 
-    /// Takes the binary places of window positions from a device; see [`Style::subpixel_bits`].
+    /// Takes the binary places of window positions from a device; see [`PrimitiveStyle::subpixel_bits`].
     pub(in crate::render) fn set_subpixel_bits(&mut self, bits: u32) {
         self.subpixel_bits = bits;
         self.selector = CutSelector::default().with_subpixel_bits(bits);
+    }
+
+    /// Takes another [`PrimitiveStyle::albedo`], for pictures that are to be wrong.
+    pub(in crate::render) fn set_albedo(&mut self, albedo: f32) {
+        self.albedo = albedo;
     }
 
     /// Draws a frame of settings that fit what is drawn and the view.
@@ -91,9 +103,10 @@ impl MirrorEngine {
         let mut times = FrameTimes::default();
         times.starts.frame = Some(start);
         let facts = parts.facts();
-        let style = Style {
+        let style = PrimitiveStyle {
             depth_range: depth_range(facts.orbit_center, facts.orbit_radius, view),
             subpixel_bits: self.subpixel_bits,
+            albedo: self.albedo,
             ..style(settings, facts)
         };
         let mut lists = PackedLists::default();
@@ -138,7 +151,7 @@ impl MirrorEngine {
         parts: DrawnParts<'m>,
         view: &View,
         settings: &Settings,
-        style: &Style,
+        style: &PrimitiveStyle,
     ) -> PackedLists<'m> {
         let mut lists = PackedLists {
             polygons: self
@@ -184,7 +197,7 @@ impl MirrorEngine {
         facts: &DrawnFacts,
         view: &View,
         settings: &Settings,
-        style: &Style,
+        style: &PrimitiveStyle,
         lists: &PackedLists<'_>,
     ) {
         let (vertices, triangles) = (&*lists.vertices, &*lists.triangles);
@@ -311,7 +324,7 @@ impl PackedLists<'_> {
 }
 
 impl BlendPasses {
-    /// Those of a kind of blending; of what is not blended the two.
+    /// Passes of a kind of blending; of what is not blended the two.
     fn of(blend: Blend) -> Self {
         match blend {
             Blend::DepthThreshold => Self::DepthThreshold,
@@ -322,7 +335,7 @@ impl BlendPasses {
 }
 
 /// The splats of a cut as records.
-fn packed_splats<R: Record + Copy + Send + Zeroable>(
+fn packed_splats<R: SplatRecord + Copy + Send + Zeroable>(
     model: &Model,
     cut: &Cut,
     view: &View,
@@ -358,7 +371,7 @@ struct JoinedTextures {
 }
 
 impl JoinedTextures {
-    /// Those of all parts; none where no part has any.
+    /// Textures of all parts; none where no part has any.
     fn of(parts: DrawnParts<'_>) -> Option<Self> {
         if parts.iter().all(|part| part.model.textures.is_none()) {
             return None;
@@ -412,11 +425,10 @@ fn joined_triangles<'m>(
     Cow::Owned(all)
 }
 
-/// How primitives look under `settings`, but for [`Style::depth_range`] and
-/// [`Style::subpixel_bits`].
-pub fn style(settings: &Settings, facts: impl Into<DrawnFacts>) -> Style {
+/// How primitives look under `settings`, but for [`PrimitiveStyle::depth_range`], [`PrimitiveStyle::subpixel_bits`] and [`PrimitiveStyle::albedo`].
+pub fn style(settings: &Settings, facts: impl Into<DrawnFacts>) -> PrimitiveStyle {
     let facts = facts.into();
-    Style {
+    PrimitiveStyle {
         splat_size_px: settings.threshold_px.max(1.0),
         footprint: settings.footprint(),
         is_gauss: settings.splat == SplatKind::Gauss,
@@ -430,6 +442,6 @@ pub fn style(settings: &Settings, facts: impl Into<DrawnFacts>) -> Style {
         use_colors: settings.use_colors,
         depth_offset: settings.depth_offset(),
         // Of the frame, whose camera and device are not known here.
-        ..Style::default()
+        ..PrimitiveStyle::default()
     }
 }

@@ -10,7 +10,7 @@ mod normalize;
 use crate::abi::FilteredSplat;
 use crate::image::Image;
 use crate::math::camera::View;
-use crate::pack::{FilteredList, Style};
+use crate::pack::{FilteredList, PrimitiveStyle};
 use crate::render::PictureOutputs;
 use crate::render::reference::bands::{PixelCoverage, PixelRows};
 use crate::render::reference::frame::ReferenceFrame;
@@ -56,13 +56,13 @@ pub struct FilteredRendering {
 /// both ([`FILTERED_REACH_PX`](crate::abi::constants::FILTERED_REACH_PX)); where nothing lies there the nearest all around (by the larger of the distances along x and y, at
 /// most [`FILTERED_AROUND_PX`](crate::abi::constants::FILTERED_AROUND_PX)). Of its part are those whose depths differ by no more than parts do, see below. A neighbor in the
 /// picture (of 8) without depth is empty; one whose depth is farther than the pixel's
-/// by more than 3 pixels' (or [`Style::splat_size_px`], if that is more) width there is another part. Beside either, and
+/// by more than 3 pixels' (or [`PrimitiveStyle::splat_size_px`], if that is more) width there is another part. Beside either, and
 /// where the pixel has no depth, the pixel is covered by min(W, 1) only; behind it lies the mean of what these neighbors
 /// show: a part its mean color over the background, with the coverage 1, but min(2 W, 1) where it has an empty neighbor
 /// itself. Elsewhere the pixel is covered whole. Alpha is what is not background; the alpha byte of a pixel that shows
 /// anything is at least 1. A rim pixel with W < 0.002 and no part behind it shows the background.
 ///
-/// Splats that lie before the near or behind the far plane are not in a list. [`Style::color_by`], [`Style::two_sided`] and [`Style::use_colors`] decide the color of
+/// Splats that lie before the near or behind the far plane are not in a list. [`PrimitiveStyle::color_by`], [`PrimitiveStyle::two_sided`] and [`PrimitiveStyle::use_colors`] decide the color of
 /// triangles; splats bring theirs. Degenerate input draws nothing, as in [`crate::render::reference::render`]. Weights and colors
 /// that are not finite are no error either; they spoil the pixels they fall on.
 ///
@@ -71,7 +71,7 @@ pub struct FilteredRendering {
 pub fn render_filtered(
     view: &View,
     list: &FilteredList,
-    style: &Style,
+    style: &PrimitiveStyle,
     outputs: PictureOutputs,
 ) -> FilteredRendering {
     let frame = ReferenceFrame::new(view, style);

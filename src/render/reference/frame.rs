@@ -1,7 +1,7 @@
 //! The constants of a frame: the vertex shader, the viewport, and the grid that window positions are snapped to.
 
 use crate::math::camera::View;
-use crate::pack::Style;
+use crate::pack::PrimitiveStyle;
 use crate::render::reference::shade::SurfaceShading;
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::ops::{Range, RangeInclusive};
@@ -43,7 +43,7 @@ impl SubpixelGrid {
 /// The constants of a frame.
 pub(super) struct ReferenceFrame<'a> {
     pub(super) view: &'a View,
-    pub(super) style: &'a Style,
+    pub(super) style: &'a PrimitiveStyle,
     pub(super) shading: SurfaceShading,
     pub(super) grid: SubpixelGrid,
     /// The view mirrors: what is counter-clockwise in the world is clockwise in the picture.
@@ -76,7 +76,7 @@ impl ReferenceFrame<'_> {
 }
 
 impl<'a> ReferenceFrame<'a> {
-    pub(super) fn new(view: &'a View, style: &'a Style) -> Self {
+    pub(super) fn new(view: &'a View, style: &'a PrimitiveStyle) -> Self {
         let [sx, sy] = view.scale;
         Self {
             view,

@@ -12,7 +12,7 @@ pub(super) use crate::render::reference::fuzzy::set_up::{set_up_blended, weighte
 use crate::abi::OrientedPolygon;
 use crate::image::Image;
 use crate::math::camera::View;
-use crate::pack::{FuzzyList, Style};
+use crate::pack::{FuzzyList, PrimitiveStyle};
 use crate::render::PictureOutputs;
 use crate::render::reference::bands::{PixelRows, plane};
 use crate::render::reference::disc::DiscSample;
@@ -56,13 +56,13 @@ pub struct FuzzyRendering {
 
 /// Draws `list` as `view` sees it.
 ///
-/// **Depth.** A splat's footprint is that of [`Style::footprint`], with the depth of its center pushed away from the eye
-/// along the ray by `m r / max(|n . v|, 0.1)`: m is [`Style::depth_offset`], r its radius in view space. The corners of
-/// triangles are pushed likewise, by the r of [`Style::splat_size_px`]. The nearest stays.
+/// **Depth.** A splat's footprint is that of [`PrimitiveStyle::footprint`], with the depth of its center pushed away from the eye
+/// along the ray by `m r / max(|n . v|, 0.1)`: m is [`PrimitiveStyle::depth_offset`], r its radius in view space. The corners of
+/// triangles are pushed likewise, by the r of [`PrimitiveStyle::splat_size_px`]. The nearest stays.
 ///
 /// **Blend.** Both again, not pushed; a fragment that is not farther than that depth adds (color * w, w). A
-/// triangle has w = 1, a splat w = 1 inside its footprint. With [`Style::is_gauss`] a splat has w = a exp(-2 rho²), cut
-/// at rho = 1, over a footprint that is widened by [`Style::low_pass_px`]; where its area is known a is such that the
+/// triangle has w = 1, a splat w = 1 inside its footprint. With [`PrimitiveStyle::is_gauss`] a splat has w = a exp(-2 rho²), cut
+/// at rho = 1, over a footprint that is widened by [`PrimitiveStyle::low_pass_px`]; where its area is known a is such that the
 /// weights add up to the pixels that its patch covers, else 1.
 ///
 /// **Normalize.** A pixel whose sum of weights is less than 1e-4 shows the background with alpha 0, any other the mean.
@@ -72,7 +72,7 @@ pub struct FuzzyRendering {
 pub fn render_fuzzy(
     view: &View,
     list: &FuzzyList,
-    style: &Style,
+    style: &PrimitiveStyle,
     passes: BlendPasses,
     outputs: PictureOutputs,
 ) -> FuzzyRendering {
@@ -83,12 +83,12 @@ pub fn render_fuzzy(
 ///
 /// In the first pass such a splat is pushed away by m r (2 s + 0.01) / max(|n . v|, 0.1), where s is the sine of the greatest
 /// angle of its faces with its plane: two splats of one surface are no farther apart. In the second it has w = 1, with
-/// [`Style::is_gauss`] w = exp(-2 rho²) for the distance rho from its center over its radius.
+/// [`PrimitiveStyle::is_gauss`] w = exp(-2 rho²) for the distance rho from its center over its radius.
 pub fn render_fuzzy_polygons(
     view: &View,
     list: &FuzzyList,
     polygons: &[OrientedPolygon],
-    style: &Style,
+    style: &PrimitiveStyle,
     passes: BlendPasses,
     outputs: PictureOutputs,
 ) -> FuzzyRendering {
@@ -182,7 +182,7 @@ struct FragmentShare {
 #[derive(Debug, Clone, Copy)]
 struct FragmentDepth {
     own: f32,
-    /// Its own, farther by the depth offset.
+    /// Depth of the fragment, farther by the depth offset.
     pushed: f32,
     /// Of the nearest and the farthest point of its patch.
     nearest: f32,
@@ -237,7 +237,7 @@ impl FuzzyPixel {
 }
 
 impl BlendPasses {
-    /// Whether a fragment adds to a pixel. With one pass the pixel is told before what depths it has from now on, and
+    /// Tells whether a fragment adds to a pixel. With one pass the pixel is told before what depths it has from now on, and
     /// starts anew where the fragment replaces what is there.
     fn admit(self, pixel: &mut FuzzyPixel, depth: &FragmentDepth) -> bool {
         let is_empty = pixel.front == 0.0;

@@ -5,7 +5,7 @@
 //!
 //! * a vertex goes through the matrices in single precision, as in the vertex shader, and everything after
 //!   that is double precision or integer;
-//! * window positions are snapped to a grid of [`Style::subpixel_bits`](crate::pack::Style::subpixel_bits) binary places,
+//! * window positions are snapped to a grid of [`PrimitiveStyle::subpixel_bits`](crate::pack::PrimitiveStyle::subpixel_bits) binary places,
 //!   coverage is decided in integers at the pixel centers, and the top-left rule gives every pixel on a shared edge to
 //!   exactly one triangle;
 //! * the depth test compares single-precision reversed depth (1 at the near, 0 at the far plane, "greater"

@@ -3,7 +3,7 @@
 use crate::abi::Splat;
 use crate::image::Image;
 use crate::math::camera::View;
-use crate::pack::{DrawList, Footprint, Style};
+use crate::pack::{DrawList, Footprint, PrimitiveStyle};
 use crate::render::PictureOutputs;
 use crate::render::reference::bands::{OpaquePixel, PixelRows, ShownPixel, picture};
 use crate::render::reference::disc::{DiscFootprint, DiscSample};
@@ -22,12 +22,17 @@ use crate::render::reference::triangle;
 /// radius is NaN, and triangles with an index past the vertices. Splats and points are dropped when their
 /// center is nearer than the near or farther than the far plane, but not when it lies beside the picture.
 ///
-/// The light of [`Light::Point`](crate::math::camera::Light::Point) needs an eye; an orthographic view is lit
+/// The light of [`HeadlightSource::Point`](crate::math::camera::HeadlightSource::Point) needs an eye; an orthographic view is lit
 /// along the view direction instead.
 ///
 /// Cost: linear in primitives plus covered pixels, on all threads of the rayon pool; the picture does not
 /// depend on their number.
-pub fn render(view: &View, list: &DrawList, style: &Style, outputs: PictureOutputs) -> Image {
+pub fn render(
+    view: &View,
+    list: &DrawList,
+    style: &PrimitiveStyle,
+    outputs: PictureOutputs,
+) -> Image {
     render_with_polygons(view, list, PolygonList::default(), style, outputs)
 }
 
@@ -36,7 +41,7 @@ pub fn render_with_polygons(
     view: &View,
     list: &DrawList,
     polygons: PolygonList<'_>,
-    style: &Style,
+    style: &PrimitiveStyle,
     outputs: PictureOutputs,
 ) -> Image {
     let frame = ReferenceFrame::new(view, style);

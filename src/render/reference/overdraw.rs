@@ -4,7 +4,7 @@ use crate::abi::Vertex;
 use crate::abi::constants::MOST_OVERDRAW;
 use crate::image::unorm8;
 use crate::math::camera::View;
-use crate::pack::{DrawList, FilteredList, FuzzyList, Style, falsecolor};
+use crate::pack::{DrawList, FilteredList, FuzzyList, PrimitiveStyle, falsecolor};
 use crate::render::reference::bands::PixelRows;
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::splat::splat_of_vertex;
@@ -24,11 +24,11 @@ pub enum OverdrawList<'a> {
 
 /// FrameCounts, row by row from the top left, how many primitives of a list cover each pixel: without a depth test, so in any
 /// order. A triangle, square, disc or ellipse covers the pixels whose centers lie in it, at least one pixel as it is drawn; a
-/// fuzzy splat those in which it is blended, widened by [`Style::low_pass_px`]; a filtered splat those that its rectangle
+/// fuzzy splat those in which it is blended, widened by [`PrimitiveStyle::low_pass_px`]; a filtered splat those that its rectangle
 /// overlaps. What [`crate::render::reference::render`] drops or culls covers nothing. Empty for a picture without pixels.
 ///
 /// Cost: linear in primitives plus covered pixels, on all threads of the rayon pool.
-pub fn count_overdraw(view: &View, list: OverdrawList<'_>, style: &Style) -> Vec<u32> {
+pub fn count_overdraw(view: &View, list: OverdrawList<'_>, style: &PrimitiveStyle) -> Vec<u32> {
     let frame = ReferenceFrame::new(view, style);
     let mut counts = PixelRows::cleared(view, 0);
     let (vertices, triangles): (&[Vertex], &[[u32; 3]]) = match list {
@@ -76,7 +76,7 @@ fn count_one<S, A>(count: &mut u32, _primitive: &S, _sample: A) {
 
 /// The counts as colors, 1 at the dark end of the ramp, each doubling a sixth farther
 /// ([`ColorBy::Overdraw`](crate::pack::ColorBy::Overdraw)); the background with alpha 0 where nothing is.
-pub fn show_overdraw(counts: &[u32], style: &Style) -> Vec<[u8; 4]> {
+pub fn show_overdraw(counts: &[u32], style: &PrimitiveStyle) -> Vec<[u8; 4]> {
     let color = |&count: &u32| {
         let ([r, g, b], alpha) = if count > 0 {
             let doublings = (count as f32).log2();

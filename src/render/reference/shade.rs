@@ -1,12 +1,12 @@
 //! What light makes of a surface: the headlight's value = 0.8 |n . l| times the vertex color (conventions: "default
-//! shading"), or one lamp ([`crate::pack::Lighting`] has the equation).
+//! shading"), or one lamp ([`crate::pack::SurfaceLighting`] has the equation).
 
 use crate::abi::Splat;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
-use crate::math::camera::{Light, View};
+use crate::math::camera::{HeadlightSource, View};
 use crate::math::octahedral;
 use crate::pack::lit_sphere::SphereLights;
-use crate::pack::{ALBEDO, ColorBy, Lighting, Phong, Source, Style, falsecolor};
+use crate::pack::{ColorBy, LampSource, Phong, PrimitiveStyle, SurfaceLighting, falsecolor};
 use crate::render::reference::bands::ShownPixel;
 use glam::{DMat3, DQuat, DVec3, DVec4, Vec3};
 
@@ -56,7 +56,7 @@ impl SurfacePoint {
 /// The constants of shading. Everything is in model space, whose axes are those of the world.
 pub(super) struct SurfaceShading {
     /// The headlight, or the lamp.
-    light: Source,
+    light: LampSource,
     /// What surfaces make of the lamp; none with the headlight.
     phong: Option<Phong>,
     /// Lights that go with the camera.
@@ -64,7 +64,7 @@ pub(super) struct SurfaceShading {
     /// View space from model space, of directions.
     turn: DMat3,
     /// Where the eye is, or the direction to it in an orthographic view.
-    eye: Source,
+    eye: LampSource,
     /// What faces away is culled, so every normal counts as one that faces the eye.
     culls_back: bool,
     two_sided: bool,
@@ -73,31 +73,33 @@ pub(super) struct SurfaceShading {
     /// Distance along the view direction of a position.
     distance: DVec4,
     depth_range: [f32; 2],
+    /// [`PrimitiveStyle::albedo`].
+    albedo: f32,
 }
 
 impl SurfaceShading {
-    pub(super) fn new(view: &View, style: &Style) -> Self {
-        let backward = Source::Direction(view.backward.as_dvec3());
+    pub(super) fn new(view: &View, style: &PrimitiveStyle) -> Self {
+        let backward = LampSource::Direction(view.backward.as_dvec3());
         let eye = if view.is_perspective {
-            Source::Point(view.eye.as_dvec3())
+            LampSource::Point(view.eye.as_dvec3())
         } else {
             backward
         };
         Self {
             light: match (style.light, view.light) {
-                (Lighting::Phong(phong), _) => phong.lamp.in_model(view),
-                (_, Light::Point) => eye,
-                (_, Light::Directional) => backward,
+                (SurfaceLighting::Phong(phong), _) => phong.lamp.in_model(view),
+                (_, HeadlightSource::Point) => eye,
+                (_, HeadlightSource::Directional) => backward,
             },
             sphere: match style.light {
-                Lighting::Sphere(sphere) => Some(sphere.lights()),
-                Lighting::Headlight | Lighting::Phong(_) => None,
+                SurfaceLighting::Sphere(sphere) => Some(sphere.lights()),
+                SurfaceLighting::Headlight | SurfaceLighting::Phong(_) => None,
             },
             turn: DMat3::from_mat4(view.view_from_model.as_dmat4())
                 * f64::from(view.model_scale).recip(),
             phong: match style.light {
-                Lighting::Headlight | Lighting::Sphere(_) => None,
-                Lighting::Phong(phong) => Some(phong),
+                SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => None,
+                SurfaceLighting::Phong(phong) => Some(phong),
             },
             eye,
             culls_back: style.cull_back_faces,
@@ -106,6 +108,7 @@ impl SurfaceShading {
             color_by: style.color_by,
             distance: -view.view_from_model.row(2).as_dvec4(),
             depth_range: style.depth_range,
+            albedo: style.albedo,
         }
     }
 
@@ -135,7 +138,7 @@ impl SurfaceShading {
         let to_light = toward(self.light, position);
         let color = self.color_of_surface(kind, color);
         // The shader's constant is single precision; so is this one.
-        let albedo = f64::from(ALBEDO);
+        let albedo = f64::from(self.albedo);
         if let Some(phong) = &self.phong {
             let to_eye = toward(self.eye, position);
             let lit = self.in_lamp(phong, to_eye, to_light, normal, albedo * color);
@@ -258,10 +261,10 @@ impl SurfaceShading {
 }
 
 /// Unit vector from a position to a source; zero in the source itself.
-fn toward(source: Source, position: DVec3) -> DVec3 {
+fn toward(source: LampSource, position: DVec3) -> DVec3 {
     match source {
-        Source::Point(point) => (point - position).normalize_or_zero(),
-        Source::Direction(direction) => direction,
+        LampSource::Point(point) => (point - position).normalize_or_zero(),
+        LampSource::Direction(direction) => direction,
     }
 }
 

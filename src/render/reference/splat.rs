@@ -21,7 +21,7 @@ pub(super) fn splat_of_vertex(vertex: &Vertex) -> Splat {
 
 /// A splat as the frame sees it.
 pub(super) struct PlacedSplat {
-    /// Its center.
+    /// Center of the splat.
     pub(super) placed: PlacedVertex,
     /// The patch of surface it stands for, in view space; a radius of 0 is the constant size of the frame.
     pub(super) patch: SurfacePatch,

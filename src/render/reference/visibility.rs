@@ -8,7 +8,7 @@ mod reconstruct;
 use crate::abi::{OrientedPolygon, Splat, Vertex};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
-use crate::pack::{ColorBy, DrawList, Style};
+use crate::pack::{ColorBy, DrawList, PrimitiveStyle};
 use crate::render::PictureOutputs;
 use crate::render::Reconstruction;
 use crate::render::reference::bands::{PixelRows, plane};
@@ -87,8 +87,8 @@ pub struct VisibilityRendering {
 /// **Depth.** The footprint of every splat and point as a disc in the plane of the surface, at least a pixel, with the
 /// depth of its center pushed away from the eye along the ray (orthographic: parallel to the view direction) by m r
 /// over the cosine between normal and view ray (at least 0.1; 1 without a normal): r is its radius, at least that of
-/// half a pixel, and m [`Style::depth_offset`]. The corners of triangles are pushed likewise, by the r of
-/// [`Style::splat_size_px`]. Nearer wins, the first drawn wins ties. Covered pixels are holes.
+/// half a pixel, and m [`PrimitiveStyle::depth_offset`]. The corners of triangles are pushed likewise, by the r of
+/// [`PrimitiveStyle::splat_size_px`]. Nearer wins, the first drawn wins ties. Covered pixels are holes.
 ///
 /// **Centers.** The pixel that contains the center of each splat, and triangles, in their place: foreground where
 /// they are not farther than what the pixel holds; the last drawn wins ties.
@@ -104,7 +104,7 @@ pub struct VisibilityRendering {
 pub fn render_visibility(
     view: &View,
     list: &DrawList,
-    style: &Style,
+    style: &PrimitiveStyle,
     filling: HoleFilling,
     outputs: PictureOutputs,
 ) -> VisibilityRendering {
@@ -118,7 +118,7 @@ pub fn render_visibility_polygons(
     view: &View,
     list: &DrawList,
     polygons: &[OrientedPolygon],
-    style: &Style,
+    style: &PrimitiveStyle,
     filling: HoleFilling,
     outputs: PictureOutputs,
 ) -> VisibilityRendering {
@@ -159,7 +159,7 @@ pub fn render_visibility_polygons(
 }
 
 /// The color of a pixel with what a hole is filled with.
-fn shown(style: &Style, pixel: &VisibilityPixel, filled: Option<[u8; 3]>) -> [u8; 4] {
+fn shown(style: &PrimitiveStyle, pixel: &VisibilityPixel, filled: Option<[u8; 3]>) -> [u8; 4] {
     let [r, g, b] = match (pixel.class, style.color_by) {
         (PixelClass::Background, _) => {
             let [r, g, b] = style.background.map(|c| unorm8(f64::from(c)));
@@ -326,7 +326,7 @@ fn set_up(
 }
 
 /// Side of splats without a radius of their own, pixels.
-fn size_px(style: &Style) -> f32 {
+fn size_px(style: &PrimitiveStyle) -> f32 {
     style.splat_size_px.max(1.0)
 }
 

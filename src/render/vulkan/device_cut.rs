@@ -65,7 +65,7 @@ fn bytes_of<T>(count: usize) -> u64 {
 }
 
 impl DeviceCut {
-    /// Whether its lists have room for cuts of the scene.
+    /// Tells whether its lists have room for cuts of the scene.
     pub(crate) fn is_of(&self, scene: &DeviceScene) -> bool {
         self.scene == scene.id()
     }
@@ -317,7 +317,7 @@ mod tests {
     use crate::gpu::frame::FrameRing;
     use crate::math::camera::View;
     use crate::pack::splats;
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::render::Settings;
     use crate::render::cut_key::cut_settings;
     use crate::render::pack_params::splat_plan;
@@ -327,7 +327,7 @@ mod tests {
 
     fn model_of(shape: GeneratedShape, triangles: u64) -> Model {
         let mesh = generate::mesh(&ShapeSpec::with_triangles(shape, triangles).unwrap());
-        tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+        tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
     }
 
     fn orbit(model: &Model, size: (u32, u32), fill: f64, step: u32) -> View {

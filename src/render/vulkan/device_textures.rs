@@ -23,7 +23,7 @@ pub(crate) struct PageTextures {
 }
 
 impl PageTextures {
-    /// Those of vertices at these points; nowhere where a model has no textures.
+    /// Textures of vertices at these points; nowhere where a model has no textures.
     ///
     /// # Errors
     /// When device memory runs out.

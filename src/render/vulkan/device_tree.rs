@@ -62,7 +62,7 @@ impl DeviceTree {
         })
     }
 
-    /// Whether it is that of the scene.
+    /// Tells whether it is that of the scene.
     pub(crate) fn is_of(&self, scene: &DeviceScene) -> bool {
         self.scene == scene.id()
     }

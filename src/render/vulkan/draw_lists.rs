@@ -12,7 +12,7 @@ use crate::pack::ColorBy;
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::CornerScreen;
 use crate::pack::splats;
-use crate::pack::splats::Packed;
+use crate::pack::splats::PackedSplats;
 use crate::pack::{filtered, fuzzy, ids};
 use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
 use crate::render::cost::select_passes::PassSelection;
@@ -51,11 +51,11 @@ pub(super) struct DrawLists {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PackedFrame {
     key: PackKey,
-    pub(super) packed: Packed,
+    pub(super) packed: PackedSplats,
     /// How many of them are triangles that cover one pixel.
     pub(super) samples: usize,
     /// Where compute draws fuzzy splats, what of them is where; then nothing is in `packed`.
-    pub(super) placed: Option<fuzzy::Placed>,
+    pub(super) placed: Option<fuzzy::PlacedFuzzy>,
     /// Records of the list of splats, with gaps.
     pub(super) capacity: usize,
     pub(super) splat_bytes: u64,
@@ -71,7 +71,7 @@ pub(super) struct PackedFrame {
     pub(super) selection: PassSelection,
     /// What was packed are numbers, of which the device makes what is drawn.
     pub(super) are_ids: bool,
-    /// It has.
+    /// The device has made it.
     pub(super) is_made: bool,
     /// Of the cut.
     pub(super) stats: CutStats,
@@ -117,7 +117,7 @@ impl DrawLists {
         })
     }
 
-    /// Whether they are those of `key`.
+    /// Tells whether they are those of `key`.
     pub(super) fn hold(&self, key: &PackKey) -> bool {
         self.held.as_ref().is_some_and(|held| held.key == *key)
     }
@@ -407,10 +407,10 @@ impl DrawLists {
 /// Splats as they were written.
 #[derive(Debug, Default)]
 struct WrittenSplats {
-    packed: Packed,
+    packed: PackedSplats,
     /// Where triangles that cover one pixel became splats, how many did.
     samples: Option<usize>,
-    placed: Option<fuzzy::Placed>,
+    placed: Option<fuzzy::PlacedFuzzy>,
     /// Records, with gaps.
     capacity: usize,
     record_bytes: usize,
@@ -440,14 +440,14 @@ pub(super) struct WrittenTriangles {
 }
 
 /// Writes the splats of all parts: points from the start of `out`, quads up to its end. `out` has the room that all need.
-fn pack_parts<R: splats::Record + Copy + Send>(
+fn pack_parts<R: splats::SplatRecord + Copy + Send>(
     parts: DrawnParts<'_>,
     cuts: &PartCuts,
     view: &View,
-    plan: &splats::Plan,
+    plan: &splats::SplatPlan,
     out: &mut [R],
-) -> Packed {
-    let mut packed = Packed::default();
+) -> PackedSplats {
+    let mut packed = PackedSplats::default();
     for (part, cut) in parts.iter().zip(cuts.iter()) {
         // The quads of a part end where those of the parts before it begin.
         let end = out.len() - packed.quads;

@@ -13,7 +13,7 @@ use crate::gpu::buffer::{AnyBuffer, DeviceBuffer, UploadBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
-use crate::pack::splats::Packed;
+use crate::pack::splats::PackedSplats;
 use crate::render::vulkan::device_tree::{DeviceTree, page_of};
 use crate::render::vulkan::draw_lists::DrawLists;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
@@ -82,7 +82,7 @@ impl IdExpansion {
         })
     }
 
-    /// Whether it is of such trees.
+    /// Tells whether it is of such trees.
     pub(super) fn is_of(&self, has_triangles: bool) -> bool {
         self.has_triangles == has_triangles
     }
@@ -118,13 +118,13 @@ impl IdExpansion {
         frame: &mut FrameRecorder<'_>,
         (tree, scene): (&DeviceTree, &DeviceScene),
         ((ids, packed, capacity), out, kind): (
-            (&UploadBuffer, Packed, usize),
+            (&UploadBuffer, PackedSplats, usize),
             &DeviceBuffer,
             ExpandedKind,
         ),
         constants: ListConstants,
     ) -> Result<(), Error> {
-        let Packed { points, quads } = packed;
+        let PackedSplats { points, quads } = packed;
         let mut parts = Vec::new();
         for (first, count) in [(0, points), (capacity - quads, quads)] {
             if count > 0 {
@@ -235,9 +235,9 @@ mod tests {
     use crate::gpu::frame::FrameRing;
     use crate::math::camera::View;
     use crate::pack::splats;
-    use crate::pack::splats::Plan;
+    use crate::pack::splats::SplatPlan;
     use crate::pack::{Footprint, ids};
-    use crate::progress::Silent;
+    use crate::progress::SilentProgress;
     use crate::render::Settings;
     use crate::render::cut_key::cut_settings;
     use crate::tree::{self, BuildOptions, Model};
@@ -250,7 +250,7 @@ mod tests {
             // Patches without area, alone below a node and beside others.
             mesh.triangles.extend([[first[0]; 3]; 40]);
         }
-        tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+        tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
     }
 
     fn orbit(model: &Model, fill: f64, step: u32) -> View {
@@ -262,7 +262,7 @@ mod tests {
     fn made(
         gpu: &Arc<Gpu>,
         (model, scene): (&Model, &DeviceScene),
-        (named, packed): (&[SplatId], Packed),
+        (named, packed): (&[SplatId], PackedSplats),
         kind: ExpandedKind,
     ) -> Vec<u32> {
         let tree = DeviceTree::new(gpu, model, scene).unwrap();
@@ -295,10 +295,10 @@ mod tests {
     }
 
     /// The words that the host writes, likewise.
-    fn written<R: splats::Record + bytemuck::Pod + Send>(
+    fn written<R: splats::SplatRecord + bytemuck::Pod + Send>(
         (model, cut): (&Model, &Cut),
-        (view, plan): (&View, &Plan),
-    ) -> (Vec<u32>, Packed) {
+        (view, plan): (&View, &SplatPlan),
+    ) -> (Vec<u32>, PackedSplats) {
         let mut records = vec![R::zeroed(); splats::count(cut, plan)];
         let packed = splats::pack(model, cut, view, plan, &mut records);
         let (points, rest) = records.split_at(packed.points);
@@ -332,7 +332,7 @@ mod tests {
                     (5.0, Footprint::Square, SizeMetric::Exact, true, 8.0),
                     (5.0, Footprint::Oriented, SizeMetric::Exact, true, 9.0),
                 ] {
-                    let plan = Plan {
+                    let plan = SplatPlan {
                         footprint,
                         threshold_px,
                         size,

@@ -19,7 +19,7 @@ pub(super) struct ExpandedLists {
 /// First size of each, bytes; it grows by half when a frame needs more.
 const FIRST_BYTES: u64 = 1 << 16;
 
-/// Whether records and corners of so many bytes can be bound as storage.
+/// Tells whether records and corners of so many bytes can be bound as storage.
 pub(super) fn fits(gpu: &Gpu, bytes: [u64; 2]) -> bool {
     fits_bindings(gpu, bytes).is_ok()
 }

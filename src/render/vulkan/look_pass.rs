@@ -1,7 +1,7 @@
 //! Passes over the finished picture: those that darken pixels by the depths around them (eye-dome lighting and ambient occlusion),
 //! and the background that changes from top to bottom. They work with every technique, since all leave colors and depths.
 
-use crate::abi::{Shader, shaders};
+use crate::abi::{CompiledShader, shaders};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::pipeline::{
@@ -42,7 +42,7 @@ impl LookRule {
         }
     }
 
-    fn shader(self) -> &'static Shader {
+    fn shader(self) -> &'static CompiledShader {
         match self {
             Self::EyeDome => &shaders::LOOK_EYE_DOME_FRAG,
             Self::AmbientOcclusion => &shaders::LOOK_AMBIENT_OCCLUSION_FRAG,

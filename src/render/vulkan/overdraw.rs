@@ -8,7 +8,7 @@
 
 use crate::abi::constants::MOST_OVERDRAW;
 use crate::abi::specialization::{IS_ORIENTED, IS_QUAD, LARGE_ONLY};
-use crate::abi::{ConstantValue, Shader, shaders};
+use crate::abi::{CompiledShader, ConstantValue, shaders};
 use crate::gpu::buffer::ReadbackBuffer;
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::{DeviceImage as Target, ImageFormat};
@@ -224,44 +224,45 @@ impl OverdrawPipelines {
             depth: DepthMode::None,
             is_additive: true,
         };
-        let (vertex, fragment, record): (&Shader, &Shader, VertexRecord) = match variant.kind {
-            OverdrawKind::Nothing => (base.vertex, &shaders::OVERDRAW_COUNT_FRAG, VERTEX),
-            OverdrawKind::Opaque(Footprint::Square, SplatSource::List) => (
-                &shaders::SPLATS_SQUARE_VERT,
-                &shaders::OVERDRAW_COUNT_FRAG,
-                SPLAT,
-            ),
-            OverdrawKind::Opaque(Footprint::Square, SplatSource::Vertices) => (
-                &shaders::POINTS_DRAW_VERT,
-                &shaders::OVERDRAW_COUNT_FRAG,
-                VERTEX,
-            ),
-            OverdrawKind::Opaque(_, SplatSource::List) => (
-                &shaders::SPLATS_ROUND_VERT,
-                &shaders::OVERDRAW_ROUND_FRAG,
-                SPLAT,
-            ),
-            OverdrawKind::Opaque(_, SplatSource::Vertices) => (
-                &shaders::POINTS_ROUND_VERT,
-                &shaders::OVERDRAW_ROUND_FRAG,
-                VERTEX,
-            ),
-            OverdrawKind::Fuzzy(fuzzy) if fuzzy.from_vertices => (
-                &shaders::FUZZY_BLEND_POINTS_VERT,
-                &shaders::OVERDRAW_FUZZY_FRAG,
-                VERTEX,
-            ),
-            OverdrawKind::Fuzzy(_) => (
-                &shaders::FUZZY_BLEND_VERT,
-                &shaders::OVERDRAW_FUZZY_FRAG,
-                fuzzy::RECORD,
-            ),
-            OverdrawKind::Filtered => (
-                &shaders::FILTERED_BLEND_VERT,
-                &shaders::OVERDRAW_FILTERED_FRAG,
-                filtered::RECORD,
-            ),
-        };
+        let (vertex, fragment, record): (&CompiledShader, &CompiledShader, VertexRecord) =
+            match variant.kind {
+                OverdrawKind::Nothing => (base.vertex, &shaders::OVERDRAW_COUNT_FRAG, VERTEX),
+                OverdrawKind::Opaque(Footprint::Square, SplatSource::List) => (
+                    &shaders::SPLATS_SQUARE_VERT,
+                    &shaders::OVERDRAW_COUNT_FRAG,
+                    SPLAT,
+                ),
+                OverdrawKind::Opaque(Footprint::Square, SplatSource::Vertices) => (
+                    &shaders::POINTS_DRAW_VERT,
+                    &shaders::OVERDRAW_COUNT_FRAG,
+                    VERTEX,
+                ),
+                OverdrawKind::Opaque(_, SplatSource::List) => (
+                    &shaders::SPLATS_ROUND_VERT,
+                    &shaders::OVERDRAW_ROUND_FRAG,
+                    SPLAT,
+                ),
+                OverdrawKind::Opaque(_, SplatSource::Vertices) => (
+                    &shaders::POINTS_ROUND_VERT,
+                    &shaders::OVERDRAW_ROUND_FRAG,
+                    VERTEX,
+                ),
+                OverdrawKind::Fuzzy(fuzzy) if fuzzy.from_vertices => (
+                    &shaders::FUZZY_BLEND_POINTS_VERT,
+                    &shaders::OVERDRAW_FUZZY_FRAG,
+                    VERTEX,
+                ),
+                OverdrawKind::Fuzzy(_) => (
+                    &shaders::FUZZY_BLEND_VERT,
+                    &shaders::OVERDRAW_FUZZY_FRAG,
+                    fuzzy::RECORD,
+                ),
+                OverdrawKind::Filtered => (
+                    &shaders::FILTERED_BLEND_VERT,
+                    &shaders::OVERDRAW_FILTERED_FRAG,
+                    filtered::RECORD,
+                ),
+            };
         let splats = |topology: PrimitiveTopology| {
             let is_oriented = matches!(variant.kind, OverdrawKind::Opaque(footprint, _) if footprint == Footprint::Oriented);
             let opaque = [

@@ -8,8 +8,8 @@ use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{DrawRecorder, PassBuilder, UniformBlock};
 use crate::gpu::image::DeviceImage;
 use crate::gpu::pipeline::ShaderPipeline;
-use crate::pack::fuzzy::Placed;
-use crate::pack::splats::Packed;
+use crate::pack::fuzzy::PlacedFuzzy;
+use crate::pack::splats::PackedSplats;
 use crate::render::screen_bounds;
 use crate::render::vulkan::scene::{DeviceScene, ScenePage};
 use crate::render::vulkan::targets::Context;
@@ -61,7 +61,7 @@ pub(crate) enum RasterSplats<'a> {
     Records(SplatRecords<'a>),
     /// All vertices of the scene, as quads or as points.
     Vertices {
-        /// They may be too large for points.
+        /// Vertices may be too large for points.
         as_quads: bool,
     },
     /// So many oriented polygons.
@@ -94,8 +94,8 @@ pub(crate) struct SplatRecords<'a> {
 }
 
 impl<'a> SplatRecords<'a> {
-    /// Those of a list with room for `capacity`: points from its start, quads up to its end.
-    pub(crate) fn packed(buffer: &'a dyn AnyBuffer, packed: Packed, capacity: usize) -> Self {
+    /// Records of a list with room for `capacity`: points from its start, quads up to its end.
+    pub(crate) fn packed(buffer: &'a dyn AnyBuffer, packed: PackedSplats, capacity: usize) -> Self {
         Self {
             buffer,
             points: RecordRange::new(0, packed.points),
@@ -103,8 +103,8 @@ impl<'a> SplatRecords<'a> {
         }
     }
 
-    /// Those that compute leaves of such a list: points before the quads, which end it.
-    pub(crate) fn large(buffer: &'a dyn AnyBuffer, placed: Placed, capacity: usize) -> Self {
+    /// Records that compute leaves of such a list: points before the quads, which end it.
+    pub(crate) fn large(buffer: &'a dyn AnyBuffer, placed: PlacedFuzzy, capacity: usize) -> Self {
         let first_quad = capacity - placed.quads;
         Self {
             buffer,

@@ -270,7 +270,7 @@ impl VulkanRenderer {
         self.frames.measure(measure)
     }
 
-    /// Whether a frame takes over what is there of one before it where that is the same: the draw lists of the last frame
+    /// Tells whether a frame takes over what is there of one before it where that is the same: the draw lists of the last frame
     /// in its slot of the ring, else the cut that was chosen last. A still camera then has no cut and no packing, and the
     /// same picture to the bit. Off at first, so that who draws a frame again and again to measure it measures whole
     /// frames; [`FrameTimes::kept`] says what was taken over.

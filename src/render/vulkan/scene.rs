@@ -30,7 +30,7 @@ pub struct ScenePage {
     local: Option<Vec<[u32; 3]>>,
     /// Where its vertices are in images, in a scene that has some.
     pub(super) textures: Option<PageTextures>,
-    /// Its model is drawn.
+    /// The page's model is drawn.
     pub(super) is_shown: bool,
 }
 
@@ -60,7 +60,7 @@ pub struct DeviceScene {
 #[derive(Debug, Clone)]
 struct DevicePart {
     facts: Arc<ModelFacts>,
-    /// Its pages among those of the scene.
+    /// Pages of the model among those of the scene.
     pages: Range<usize>,
     is_shown: bool,
 }
@@ -80,7 +80,7 @@ struct PageLimits {
 }
 
 impl PageLimits {
-    /// Those of a device.
+    /// Limits of a device.
     fn of(gpu: &Gpu) -> Self {
         let info = gpu.info();
         let limit = PAGE_BYTES.min(info.max_buffer).min(info.max_allocation);
@@ -256,7 +256,7 @@ impl DeviceScene {
             .collect()
     }
 
-    /// Whether the model of this index is drawn.
+    /// Tells whether the model of this index is drawn.
     #[cfg(feature = "viewer")]
     pub(crate) fn is_shown(&self, index: usize) -> bool {
         self.parts.get(index).is_some_and(|part| part.is_shown)
@@ -280,8 +280,8 @@ impl DeviceScene {
         (pages.start, &self.pages[pages])
     }
 
-    /// Whether a model that is shown has textures: then all pages have [`ScenePage::textures`]. Beside pages of paged files,
-    /// which have none, the means of textures are drawn.
+    /// Tells whether a model that is shown has textures: then all pages have [`ScenePage::textures`]. Beside pages of paged
+    /// files, which have none, the means of textures are drawn.
     pub(super) fn is_textured(&self) -> bool {
         if !self.pool.chunks().is_empty() {
             return false;
@@ -295,7 +295,7 @@ impl DeviceScene {
         self.parts.first().map_or(u64::MAX, |part| part.facts.id())
     }
 
-    /// Whether the copy is on this device, and not on one that was there before it.
+    /// Tells whether the copy is on this device, and not on one that was there before it.
     pub fn is_on(&self, gpu: &Arc<Gpu>) -> bool {
         Arc::ptr_eq(&self.gpu, gpu)
     }

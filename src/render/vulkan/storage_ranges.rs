@@ -44,7 +44,7 @@ pub(crate) struct TriangleRanges<'a> {
 }
 
 impl ComputeList<'_> {
-    /// Whether nothing is drawn.
+    /// Tells whether nothing is drawn.
     pub(crate) fn is_empty(&self) -> bool {
         self.runs.is_empty() && self.splat_count == 0
     }

@@ -25,7 +25,7 @@ pub(crate) struct TriangleVariant {
     pub(crate) lamp: bool,
     /// The scene has textures.
     pub(crate) textures: bool,
-    /// Those of the frame.
+    /// Flags of the frame.
     pub(crate) flags: u32,
 }
 

@@ -27,7 +27,7 @@ fn bytes_with(patch: Option<PackedPatch>) -> Vec<u8> {
         triangles: (0..12).map(|i| [i, i + 1, i + 2]).collect(),
         ..Mesh::default()
     };
-    let mut model = build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let mut model = build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     model.patches = patch.map(|record| {
         Arc::new(PatchRecords {
             records: vec![record; model.tree.nodes.len()],
@@ -42,7 +42,12 @@ fn bytes_with(patch: Option<PackedPatch>) -> Vec<u8> {
 
 fn reads(mut bytes: &[u8]) -> Result<Model, Error> {
     let length = bytes.len() as u64;
-    read_from(&mut bytes, length, Path::new("model.surfel"), &Silent)
+    read_from(
+        &mut bytes,
+        length,
+        Path::new("model.surfel"),
+        &SilentProgress,
+    )
 }
 
 #[test]
@@ -84,7 +89,7 @@ fn records_of_patches_are_read_as_they_were_written() {
 /// Changes the table of patches and makes all checksums right again.
 fn forged_table(change: impl FnOnce(&mut PatchTable)) -> Result<Model, Error> {
     let mut bytes = bytes_with_patches();
-    let header: Header = bytemuck::pod_read_unaligned(&bytes[..HEADER]);
+    let header: TreeHeader = bytemuck::pod_read_unaligned(&bytes[..HEADER]);
     let last = header.sections[SECTIONS - 1];
     let start = (last.offset + last.count * last.stride).next_multiple_of(ALIGNMENT) as usize;
     let range = start..start + size_of::<PatchTable>();
@@ -123,9 +128,9 @@ fn a_table_of_patches_that_lies_is_refused() {
 }
 
 /// Changes the header and makes its checksum right again.
-fn forged(change: impl FnOnce(&mut Header)) -> Result<Model, Error> {
+fn forged(change: impl FnOnce(&mut TreeHeader)) -> Result<Model, Error> {
     let mut bytes = bytes();
-    let mut header: Header = bytemuck::pod_read_unaligned(&bytes[..HEADER]);
+    let mut header: TreeHeader = bytemuck::pod_read_unaligned(&bytes[..HEADER]);
     change(&mut header);
     header.checksum = header_checksum(&header);
     bytes[..HEADER].copy_from_slice(bytemuck::bytes_of(&header));
@@ -168,7 +173,7 @@ fn a_header_that_lies_is_refused() {
 /// Changes a section's bytes and makes all checksums right again.
 fn forged_section(section: usize, change: impl FnOnce(&mut [u8])) -> Result<Model, Error> {
     let mut bytes = bytes();
-    let mut header: Header = bytemuck::pod_read_unaligned(&bytes[..HEADER]);
+    let mut header: TreeHeader = bytemuck::pod_read_unaligned(&bytes[..HEADER]);
     let entry = &mut header.sections[section];
     let start = entry.offset as usize;
     let range = start..start + (entry.count * entry.stride) as usize;

@@ -4,17 +4,17 @@ use super::draw::camera_of;
 use super::{CameraFlight, FLY_SPEED, FileAsk, ViewerApp};
 use crate::math::camera::Camera;
 use crate::oriented::splats::SplatRules;
-use crate::pack::Lighting;
+use crate::pack::SurfaceLighting;
 use crate::render::PictureOutputs;
 use crate::render::supported;
 use crate::render::{Culling, Method, Settings, Shading};
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::choices::{self, NamedChoice, others};
 use crate::viewer::control::FrameBudget;
-use crate::viewer::input::Command;
+use crate::viewer::input::KeyCommand;
 use crate::viewer::lamp::same_cost;
 use crate::viewer::recovery::{RecoveryWay, way_after};
-use crate::viewer::{Error, text};
+use crate::viewer::{ViewerError, text};
 use std::f64::consts::TAU;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -38,46 +38,46 @@ pub(super) struct TurntableRun {
 
 impl ViewerApp {
     /// Does what a key asks for.
-    pub(super) fn command(&mut self, command: Command) -> Result<(), Error> {
+    pub(super) fn command(&mut self, command: KeyCommand) -> Result<(), ViewerError> {
         let old = self.settings;
         let is_closed = self.screen.model().is_some_and(|model| model.is_closed);
         match command {
-            Command::Quit => self.is_closing = true,
-            Command::Escape => self.escape(),
-            Command::Method(method) => self.wish(Settings { method, ..old }),
-            Command::Threshold(threshold_px) => self.wish(Settings {
+            KeyCommand::Quit => self.is_closing = true,
+            KeyCommand::Escape => self.escape(),
+            KeyCommand::Method(method) => self.wish(Settings { method, ..old }),
+            KeyCommand::Threshold(threshold_px) => self.wish(Settings {
                 threshold_px,
                 ..old
             }),
-            Command::ThresholdBy(px) => self.wish(Settings {
+            KeyCommand::ThresholdBy(px) => self.wish(Settings {
                 threshold_px: (old.threshold_px + px).clamp(0.0, LARGEST_THRESHOLD_PX),
                 ..old
             }),
-            Command::Splat(step) => {
+            KeyCommand::Splat(step) => {
                 self.step(choices::SPLATS, old.splat, step < 0, |splat| Settings {
                     splat,
                     ..old
                 });
             }
-            Command::Blend => self.step(choices::BLENDS, old.blend, false, |blend| Settings {
+            KeyCommand::Blend => self.step(choices::BLENDS, old.blend, false, |blend| Settings {
                 blend,
                 ..old
             }),
-            Command::Reconstruction => {
+            KeyCommand::Reconstruction => {
                 let list = choices::RECONSTRUCTIONS;
                 self.step(list, old.reconstruction, false, |reconstruction| Settings {
                     reconstruction,
                     ..old
                 });
             }
-            Command::Shading => self.wish(Settings {
+            KeyCommand::Shading => self.wish(Settings {
                 shading: match old.shading {
                     Shading::PerSplat => Shading::Deferred,
                     Shading::Deferred => Shading::PerSplat,
                 },
                 ..old
             }),
-            Command::DepthOffsetBy(factor) => {
+            KeyCommand::DepthOffsetBy(factor) => {
                 let (least, most) = DEPTH_OFFSETS;
                 let offset = (old.depth_offset().max(least) * factor).clamp(least, most);
                 self.wish(Settings {
@@ -85,27 +85,27 @@ impl ViewerApp {
                     ..old
                 });
             }
-            Command::UsualDepthOffset => self.wish(Settings {
+            KeyCommand::UsualDepthOffset => self.wish(Settings {
                 depth_offset: None,
                 ..old
             }),
-            Command::Light => self.next_light(),
-            Command::Lamp(change) => self.change_lamp(change),
-            Command::FrameTime(step) => self.next_frame_time(step),
-            Command::Normals => {
+            KeyCommand::Light => self.next_light(),
+            KeyCommand::Lamp(change) => self.change_lamp(change),
+            KeyCommand::FrameTime(step) => self.next_frame_time(step),
+            KeyCommand::Normals => {
                 if let Some(next) = others(choices::NORMALS, self.normals, false).first() {
                     self.set_normals(*next);
                 }
             }
-            Command::TwoSided => self.wish(Settings {
+            KeyCommand::TwoSided => self.wish(Settings {
                 two_sided: !old.two_sided,
                 ..old
             }),
-            Command::Colors => self.wish(Settings {
+            KeyCommand::Colors => self.wish(Settings {
                 use_colors: !old.use_colors,
                 ..old
             }),
-            Command::Background => {
+            KeyCommand::Background => {
                 let list = choices::BACKGROUNDS;
                 let now = (old.background, old.background_bottom);
                 self.step(list, now, false, |(background, background_bottom)| {
@@ -116,11 +116,10 @@ impl ViewerApp {
                     }
                 });
             }
-            Command::SizeMetric => self.step(choices::METRICS, old.size, false, |size| Settings {
-                size,
-                ..old
+            KeyCommand::SizeMetric => self.step(choices::METRICS, old.size, false, |size| {
+                Settings { size, ..old }
             }),
-            Command::VertexSplats => self.wish(match old.drawn_vertex_splats() {
+            KeyCommand::VertexSplats => self.wish(match old.drawn_vertex_splats() {
                 Some(_) => Settings {
                     vertex_splats: None,
                     ..old
@@ -131,10 +130,10 @@ impl ViewerApp {
                     ..old
                 },
             }),
-            Command::EyeDome => self.step(choices::EYE_DOMES, old.eye_dome, false, |eye_dome| {
+            KeyCommand::EyeDome => self.step(choices::EYE_DOMES, old.eye_dome, false, |eye_dome| {
                 Settings { eye_dome, ..old }
             }),
-            Command::AmbientOcclusion => {
+            KeyCommand::AmbientOcclusion => {
                 let list = choices::AMBIENT_OCCLUSIONS;
                 self.step(list, old.ambient_occlusion, false, |ambient_occlusion| {
                     Settings {
@@ -143,9 +142,9 @@ impl ViewerApp {
                     }
                 });
             }
-            Command::ScaleBar => self.marks.scale_bar = !self.marks.scale_bar,
-            Command::Axes => self.marks.axes = !self.marks.axes,
-            Command::Culling => self.wish(Settings {
+            KeyCommand::ScaleBar => self.marks.scale_bar = !self.marks.scale_bar,
+            KeyCommand::Axes => self.marks.axes = !self.marks.axes,
+            KeyCommand::Culling => self.wish(Settings {
                 culling: if old.culls_back(is_closed) {
                     Culling::Off
                 } else {
@@ -153,7 +152,7 @@ impl ViewerApp {
                 },
                 ..old
             }),
-            Command::ColorBy(step) => {
+            KeyCommand::ColorBy(step) => {
                 // Those that cannot be drawn now are no news.
                 let next = others(choices::COLORS_BY, old.color_by, step < 0)
                     .into_iter()
@@ -163,19 +162,21 @@ impl ViewerApp {
                     self.wish(settings);
                 }
             }
-            Command::Photographs => self.switch_photographs(),
-            Command::PhotographBy(step) => self.step_photograph(step),
-            Command::Measure(change) => self.change_measures(change),
-            Command::HoldCut => self.hold_cut(),
-            Command::Statistics => self.has_statistics = !self.has_statistics,
-            Command::Print => self.print_statistics()?,
+            KeyCommand::Photographs => self.switch_photographs(),
+            KeyCommand::PhotographBy(step) => self.step_photograph(step),
+            KeyCommand::Measure(change) => self.change_measures(change),
+            KeyCommand::HoldCut => self.hold_cut(),
+            KeyCommand::Statistics => self.has_statistics = !self.has_statistics,
+            KeyCommand::Print => self.print_statistics()?,
             // The picture of now: one that is to be drawn first is waited for.
-            Command::Screenshot if (self.is_dirty || self.wheel != 0.0) && self.orbit.is_some() => {
+            KeyCommand::Screenshot
+                if (self.is_dirty || self.wheel != 0.0) && self.orbit.is_some() =>
+            {
                 self.wants_screenshot = true
             }
-            Command::Screenshot => self.numbered_screenshot()?,
-            Command::Photo => self.photo()?,
-            Command::Turntable => match (&self.turntable, free_path("surfel-turn-", "")) {
+            KeyCommand::Screenshot => self.numbered_screenshot()?,
+            KeyCommand::Photo => self.photo()?,
+            KeyCommand::Turntable => match (&self.turntable, free_path("surfel-turn-", "")) {
                 (Some(_), _) => self.end_turntable("stopped; "),
                 (None, Some(folder)) if self.orbit.is_some() => self.start_turntable(folder)?,
                 (None, Some(_)) => {}
@@ -183,22 +184,22 @@ impl ViewerApp {
                     self.warn("surfel-turn-000 to surfel-turn-999 are all there; move some away");
                 }
             },
-            Command::Frame => self.change(OrbitCamera::frame_model),
-            Command::Reset => self.change(OrbitCamera::reset),
-            Command::Reload => {
+            KeyCommand::Frame => self.change(OrbitCamera::frame_model),
+            KeyCommand::Reset => self.change(OrbitCamera::reset),
+            KeyCommand::Reload => {
                 self.reload();
             }
-            Command::LookFrom(azimuth, elevation) => {
+            KeyCommand::LookFrom(azimuth, elevation) => {
                 self.change(|orbit| orbit.look_from(azimuth, elevation));
             }
-            Command::Up => {
+            KeyCommand::Up => {
                 self.up = self.up.next();
                 let up = self.up;
                 self.change(|orbit| orbit.set_up(up));
                 self.inform(&format!("{} is up", up.name()));
             }
-            Command::Fly => self.set_flying(self.fly.is_none()),
-            Command::CopyCamera => {
+            KeyCommand::Fly => self.set_flying(self.fly.is_none()),
+            KeyCommand::CopyCamera => {
                 if let Some(camera) = self.camera()
                     && let Ok(text) = serde_json::to_string(&camera)
                 {
@@ -206,16 +207,16 @@ impl ViewerApp {
                     self.inform("copied the camera");
                 }
             }
-            Command::Paste => self.asks.push(FileAsk::Paste),
-            Command::Panel => {
+            KeyCommand::Paste => self.asks.push(FileAsk::Paste),
+            KeyCommand::Panel => {
                 self.has_panel = !self.has_panel;
                 self.lay_out();
             }
-            Command::Help => self.has_help = !self.has_help,
-            Command::Graph => self.has_graph = !self.has_graph,
-            Command::Freeze => self.history.toggle_frozen(),
-            Command::FullScreen => self.asks.push(FileAsk::FullScreen),
-            Command::Dismiss => {
+            KeyCommand::Help => self.has_help = !self.has_help,
+            KeyCommand::Graph => self.has_graph = !self.has_graph,
+            KeyCommand::Freeze => self.history.toggle_frozen(),
+            KeyCommand::FullScreen => self.asks.push(FileAsk::FullScreen),
+            KeyCommand::Dismiss => {
                 self.notices.clear();
             }
         }
@@ -296,7 +297,7 @@ impl ViewerApp {
         if settings.threshold_px != self.settings.threshold_px {
             self.held_px = settings.threshold_px;
         }
-        if let Lighting::Phong(lamp) = settings.light {
+        if let SurfaceLighting::Phong(lamp) = settings.light {
             self.lamp = lamp;
         }
         let looks_other = Settings {
@@ -339,7 +340,7 @@ impl ViewerApp {
     }
 
     /// What the options ask for after a frame of the model, and the next picture of a turntable.
-    pub(super) fn after_frame(&mut self) -> Result<(), Error> {
+    pub(super) fn after_frame(&mut self) -> Result<(), ViewerError> {
         if self.turntable.is_some() {
             self.next_of_turntable()?;
         }
@@ -364,7 +365,7 @@ impl ViewerApp {
     }
 
     /// Writes the picture, without what covers it.
-    pub(in crate::viewer) fn save(&mut self, path: &Path) -> Result<(), Error> {
+    pub(in crate::viewer) fn save(&mut self, path: &Path) -> Result<(), ViewerError> {
         if let Some(mut image) = self.screen.read()? {
             self.picture_marks().draw_over_bytes(&mut image);
             image.save_png(path)?;
@@ -373,7 +374,7 @@ impl ViewerApp {
     }
 
     /// Writes what the window shows, panel and all.
-    pub(in crate::viewer) fn save_shown(&mut self, path: &Path) -> Result<(), Error> {
+    pub(in crate::viewer) fn save_shown(&mut self, path: &Path) -> Result<(), ViewerError> {
         if let Some(image) = self.screen.read_shown()? {
             image.save_png(path)?;
         }
@@ -381,13 +382,13 @@ impl ViewerApp {
     }
 
     /// Writes the first `surfel-NNN.png` that is not there yet.
-    pub(super) fn numbered_screenshot(&mut self) -> Result<(), Error> {
+    pub(super) fn numbered_screenshot(&mut self) -> Result<(), ViewerError> {
         self.wants_screenshot = false;
         match free_path("surfel-", ".png") {
             Some(path) if self.orbit.is_some() => match self.save(&path) {
-                Err(Error::Image(error)) => self.warn(&error.to_string()),
+                Err(ViewerError::Image(error)) => self.warn(&error.to_string()),
                 // A device that was lost is noticed by the next frame.
-                Err(Error::Gpu(error)) if way_after(&error) != RecoveryWay::End => {
+                Err(ViewerError::Gpu(error)) if way_after(&error) != RecoveryWay::End => {
                     self.is_dirty = true;
                     self.warn(&format!("no picture: {error}"));
                 }
@@ -402,7 +403,7 @@ impl ViewerApp {
 
     /// Writes a photo of the present view to the first `surfel-photo-NNN.png` that is not there yet: as fine as the picture
     /// at rest, however coarse it is while the view moves.
-    fn photo(&mut self) -> Result<(), Error> {
+    fn photo(&mut self) -> Result<(), ViewerError> {
         let Some(orbit) = &self.orbit else {
             return Ok(());
         };
@@ -465,7 +466,7 @@ impl ViewerApp {
     }
 
     /// Writes pictures into `folder` from the next frame on, which is made if it is not there.
-    pub(super) fn start_turntable(&mut self, folder: PathBuf) -> Result<(), Error> {
+    pub(super) fn start_turntable(&mut self, folder: PathBuf) -> Result<(), ViewerError> {
         if let Err(source) = std::fs::create_dir_all(&folder) {
             let error = crate::image::Error::Write {
                 path: folder,
@@ -501,14 +502,14 @@ impl ViewerApp {
         }
     }
 
-    fn next_of_turntable(&mut self) -> Result<(), Error> {
+    fn next_of_turntable(&mut self) -> Result<(), ViewerError> {
         let Some(turntable) = &mut self.turntable else {
             return Ok(());
         };
         let (count, index) = (turntable.count, turntable.next);
         let path = turntable.folder.join(format!("turn-{index:03}.png"));
         match self.save(&path) {
-            Err(Error::Image(error)) if !self.is_unattended() => {
+            Err(ViewerError::Image(error)) if !self.is_unattended() => {
                 self.warn(&error.to_string());
                 self.turntable = None;
                 return Ok(());
@@ -528,7 +529,7 @@ impl ViewerApp {
         Ok(())
     }
 
-    fn print_statistics(&mut self) -> Result<(), Error> {
+    fn print_statistics(&mut self) -> Result<(), ViewerError> {
         self.screen.finish()?;
         let camera: Option<Camera> = self.camera();
         let (Some(model), Some(camera)) = (self.screen.model(), camera) else {

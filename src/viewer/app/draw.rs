@@ -2,10 +2,10 @@
 
 use super::{MOST_LOSSES, ViewerApp};
 use crate::gpu::{self, Gpu};
-use crate::math::camera::{Camera, Light};
+use crate::math::camera::{Camera, HeadlightSource};
 use crate::render::stats::KeptWork;
 use crate::render::{Method, Occlusion, Path, Settings, Shading, SplatKind};
-use crate::viewer::Error;
+use crate::viewer::ViewerError;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::control::{EyePlace, FrameWork};
 use crate::viewer::event::ViewerEvent;
@@ -62,12 +62,12 @@ impl ViewerApp {
         events
     }
 
-    /// Whether the device works while the host does.
+    /// Tells whether the device works while the processor does.
     fn frames_overlap(&self) -> bool {
         !self.screen.gpu().info().is_cpu()
     }
 
-    /// Whether frames have finished that [`finished`](ViewerApp::finished) has not told of and that matter now.
+    /// Tells whether frames have finished that [`finished`](ViewerApp::finished) has not told of and that matter now.
     pub(in crate::viewer) fn has_finished(&self) -> bool {
         self.control.is_some() && self.screen.has_finished()
     }
@@ -81,7 +81,10 @@ impl ViewerApp {
     }
 
     /// Waits for all frames.
-    pub(in crate::viewer) fn finish(&mut self, window: Option<&glfw::Window>) -> Result<(), Error> {
+    pub(in crate::viewer) fn finish(
+        &mut self,
+        window: Option<&glfw::Window>,
+    ) -> Result<(), ViewerError> {
         let had_frames = self.screen.has_pending();
         match self.screen.finish() {
             Err(error) if way_after(&error) == RecoveryWay::NewDevice => {
@@ -97,7 +100,7 @@ impl ViewerApp {
         }
     }
 
-    /// Whether the panel or the graph show another frame than the last.
+    /// Tells whether the panel or the graph show another frame than the last.
     fn shows_old_figures(&mut self) -> bool {
         let now = (self.frames, self.screen.frame_ms().to_bits());
         std::mem::replace(&mut self.shown_figures, now) != now
@@ -171,13 +174,16 @@ impl ViewerApp {
         Some(PaceSummary::of(&self.paced, control.target_ms()))
     }
 
-    /// Whether a time of frames is wanted.
+    /// Tells whether a time of frames is wanted.
     pub(in crate::viewer) fn is_paced(&self) -> bool {
         self.control.is_some()
     }
 
     /// Draws and presents a frame. Returns whether the window gave an image.
-    pub(in crate::viewer) fn draw(&mut self, window: Option<&glfw::Window>) -> Result<bool, Error> {
+    pub(in crate::viewer) fn draw(
+        &mut self,
+        window: Option<&glfw::Window>,
+    ) -> Result<bool, ViewerError> {
         match self.try_draw(window) {
             Ok(ShowOutcome::Nothing) => Ok(false),
             Ok(ShowOutcome::Again) => {
@@ -188,7 +194,7 @@ impl ViewerApp {
                 self.losses = 0;
                 Ok(true)
             }
-            Err(Error::Gpu(error)) => {
+            Err(ViewerError::Gpu(error)) => {
                 match way_after(&error) {
                     RecoveryWay::NewDevice => self.open_new_device(window, error)?,
                     RecoveryWay::End => return Err(error.into()),
@@ -203,7 +209,7 @@ impl ViewerApp {
         }
     }
 
-    fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<ShowOutcome, Error> {
+    fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<ShowOutcome, ViewerError> {
         // Where nothing covers the picture there is nothing to paint anew, only to show once more.
         let was_dirty = self.is_cover_dirty;
         self.leave_pose();
@@ -240,7 +246,7 @@ impl ViewerApp {
             return Ok(shown);
         }
         if is_held && !self.frames_overlap() {
-            // The device works with the processor of the host: a cut that is chosen meanwhile takes longer by what it
+            // The device works with the processor: a cut that is chosen meanwhile takes longer by what it
             // waits for the device, which is no work of its frame, and the frame is not done sooner.
             self.screen.finish()?;
         }
@@ -277,7 +283,10 @@ impl ViewerApp {
     }
 
     /// Draws a sample of the resting picture.
-    pub(in crate::viewer) fn smooth(&mut self, window: Option<&glfw::Window>) -> Result<(), Error> {
+    pub(in crate::viewer) fn smooth(
+        &mut self,
+        window: Option<&glfw::Window>,
+    ) -> Result<(), ViewerError> {
         let Some((settings, _)) = self.drawn_with else {
             return Ok(());
         };
@@ -336,16 +345,16 @@ impl ViewerApp {
         &mut self,
         window: Option<&glfw::Window>,
         error: gpu::Error,
-    ) -> Result<(), Error> {
+    ) -> Result<(), ViewerError> {
         self.losses += 1;
         if self.losses > MOST_LOSSES {
-            return Err(Error::DeviceGone(error));
+            return Err(ViewerError::DeviceGone(error));
         }
-        let gpu: Arc<Gpu> = Gpu::open(&self.options.gpu).map_err(Error::DeviceGone)?;
+        let gpu: Arc<Gpu> = Gpu::open(&self.options.gpu).map_err(ViewerError::DeviceGone)?;
         self.messages.push(gpu.messages().clone());
         self.screen
             .reopen(&gpu, window)
-            .map_err(Error::DeviceGone)?;
+            .map_err(ViewerError::DeviceGone)?;
         self.photographs_lost_device();
         self.is_dirty = true;
         self.warn("the device was lost; it was opened again");
@@ -357,7 +366,7 @@ impl ViewerApp {
 pub(super) fn camera_of(
     orbit: &OrbitCamera,
     fixed: Option<&Camera>,
-    light: Light,
+    light: HeadlightSource,
     size: (u32, u32),
 ) -> Camera {
     let mut camera = match fixed {

@@ -5,12 +5,12 @@ use super::{FileAsk, LONGEST_TICK_S, REST_S, ViewerApp};
 use crate::math::camera::Camera;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::photos::formats::locate_scene;
-use crate::viewer::Error;
+use crate::viewer::ViewerError;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::choices::{self, SurfaceNormals};
 use crate::viewer::control::FrameBudget;
 use crate::viewer::event::{KeyModifiers, KeyboardKey, ViewerEvent};
-use crate::viewer::input::{self, Command, DragAction, MouseGesture};
+use crate::viewer::input::{self, DragAction, KeyCommand, MouseGesture};
 use crate::viewer::lamp::LampChange;
 use crate::viewer::record::RecordEntry;
 use crate::viewer::recovery::{RecoveryWay, way_after};
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 impl ViewerApp {
     /// Handles the events of a step.
-    pub(in crate::viewer) fn handle(&mut self, entries: &[RecordEntry]) -> Result<(), Error> {
+    pub(in crate::viewer) fn handle(&mut self, entries: &[RecordEntry]) -> Result<(), ViewerError> {
         for entry in entries {
             self.time = entry.time.max(self.time);
             self.event(&entry.event)?;
@@ -39,7 +39,7 @@ impl ViewerApp {
         Ok(())
     }
 
-    fn event(&mut self, event: &ViewerEvent) -> Result<(), Error> {
+    fn event(&mut self, event: &ViewerEvent) -> Result<(), ViewerError> {
         let taken = self.interface.event(event, self.has_cover());
         self.is_cover_dirty |= taken.changes;
         if taken.consumed {
@@ -94,7 +94,7 @@ impl ViewerApp {
                 repeat,
                 modifiers,
             } => self.key(*key, (*pressed, *repeat), *modifiers)?,
-            ViewerEvent::Text('?') => self.command(Command::Help)?,
+            ViewerEvent::Text('?') => self.command(KeyCommand::Help)?,
             ViewerEvent::Paste(text) => match serde_json::from_str::<Camera>(text) {
                 Ok(camera) => self.set_camera(camera),
                 Err(error) => self.warn(&format!(
@@ -153,7 +153,7 @@ impl ViewerApp {
         key: KeyboardKey,
         (pressed, repeat): (bool, bool),
         modifiers: KeyModifiers,
-    ) -> Result<(), Error> {
+    ) -> Result<(), ViewerError> {
         self.is_fast = modifiers.shift;
         if self.fly.is_some() && matches!(key, KeyboardKey::Char('w' | 'a' | 's' | 'd' | 'e' | 'q'))
         {
@@ -172,10 +172,10 @@ impl ViewerApp {
         let steps = matches!(
             command,
             Some(
-                Command::ThresholdBy(_)
-                    | Command::DepthOffsetBy(_)
-                    | Command::Splat(_)
-                    | Command::Lamp(
+                KeyCommand::ThresholdBy(_)
+                    | KeyCommand::DepthOffsetBy(_)
+                    | KeyCommand::Splat(_)
+                    | KeyCommand::Lamp(
                         LampChange::Turn(..)
                             | LampChange::Distance(_)
                             | LampChange::Specular(_)
@@ -334,7 +334,7 @@ impl ViewerApp {
     }
 
     /// Distance of what is seen at a pixel, or of the center of rotation where nothing is.
-    fn distance_at(&mut self, at: DVec2) -> Result<f64, Error> {
+    fn distance_at(&mut self, at: DVec2) -> Result<f64, ViewerError> {
         let Some(orbit) = &self.orbit else {
             return Ok(1.0);
         };
@@ -343,14 +343,14 @@ impl ViewerApp {
     }
 
     /// As [`WindowScreen::distance_at`](crate::viewer::screen::WindowScreen::distance_at); a device that was lost knows nothing, and is noticed by the next frame.
-    fn probe(&mut self, at: DVec2) -> Result<Option<f64>, Error> {
+    fn probe(&mut self, at: DVec2) -> Result<Option<f64>, ViewerError> {
         match self.screen.distance_at(at) {
             Err(error) if way_after(&error) != RecoveryWay::End => Ok(None),
             other => Ok(other?),
         }
     }
 
-    fn gesture(&mut self, gesture: MouseGesture) -> Result<(), Error> {
+    fn gesture(&mut self, gesture: MouseGesture) -> Result<(), ViewerError> {
         match gesture {
             MouseGesture::Begin(DragAction::Turn | DragAction::Lamp, _) => {}
             MouseGesture::Begin(DragAction::Pan | DragAction::Zoom, at) => {

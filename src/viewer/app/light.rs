@@ -1,8 +1,8 @@
 //! The light, and the time that frames are held to: what keys, mouse and panel change of them.
 
 use super::ViewerApp;
-use crate::math::camera::Light;
-use crate::pack::Lighting;
+use crate::math::camera::HeadlightSource;
+use crate::pack::SurfaceLighting;
 use crate::render::Settings;
 use crate::viewer::choices::{FRAME_TIMES, others};
 use crate::viewer::control::FrameBudget;
@@ -23,13 +23,13 @@ impl ViewerApp {
         let light = match kind {
             LightKind::Eye | LightKind::Parallel => {
                 self.light = match kind {
-                    LightKind::Parallel => Light::Directional,
-                    _ => Light::Point,
+                    LightKind::Parallel => HeadlightSource::Directional,
+                    _ => HeadlightSource::Point,
                 };
-                Lighting::Headlight
+                SurfaceLighting::Headlight
             }
-            LightKind::Lamp => Lighting::Phong(self.lamp),
-            LightKind::Sphere(sphere) => Lighting::Sphere(sphere),
+            LightKind::Lamp => SurfaceLighting::Phong(self.lamp),
+            LightKind::Sphere(sphere) => SurfaceLighting::Sphere(sphere),
         };
         self.wish(Settings {
             light,

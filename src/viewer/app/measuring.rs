@@ -4,7 +4,7 @@ use super::ViewerApp;
 use super::commands::free_path;
 use crate::image::MarkedLines;
 use crate::mesh::attributes::PointAttributes;
-use crate::viewer::Error;
+use crate::viewer::ViewerError;
 use crate::viewer::input::MeasureChange;
 use crate::viewer::measuring::{described, in_file};
 use crate::viewer::panel::measures::{MeasureMarks, MeasureState};
@@ -14,7 +14,7 @@ use glam::{DVec2, DVec3};
 
 impl ViewerApp {
     /// What is seen at a place in the picture; a device that was lost knows nothing, and is noticed by the next frame.
-    fn picked(&mut self, at: DVec2) -> Result<Option<PickedPlace>, Error> {
+    fn picked(&mut self, at: DVec2) -> Result<Option<PickedPlace>, ViewerError> {
         if self.is_preview {
             return Ok(None);
         }
@@ -42,7 +42,7 @@ impl ViewerApp {
     }
 
     /// The visible point at a place in the picture becomes the next of the line.
-    pub(super) fn measure_at(&mut self, at: DVec2) -> Result<(), Error> {
+    pub(super) fn measure_at(&mut self, at: DVec2) -> Result<(), ViewerError> {
         let Some(picked) = self.picked(at)? else {
             self.inform("nothing is seen there that could be measured");
             return Ok(());
@@ -56,7 +56,7 @@ impl ViewerApp {
     }
 
     /// Looks what is under the cursor, where that is shown and the cursor has moved.
-    pub(super) fn look_at_cursor(&mut self) -> Result<(), Error> {
+    pub(super) fn look_at_cursor(&mut self) -> Result<(), ViewerError> {
         if !self.measuring.take_cursor() {
             return Ok(());
         }

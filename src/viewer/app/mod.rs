@@ -16,7 +16,7 @@ use super::control::{FrameBudget, FrameGoal};
 use super::event::KeyboardKey;
 use super::graph::TimeHistory;
 use super::input::MouseState;
-use super::loader::{LoadError, Loaded, ModelLoader, failure};
+use super::loader::{LoadError, LoadedModel, ModelLoader, failure};
 use super::measuring::MeasureTool;
 use super::notice::{NoticeList, NoticeWeight};
 use super::pace::PacedFrame;
@@ -24,13 +24,13 @@ use super::panel::PanelFacts;
 use super::recent::RecentFiles;
 use super::screen::WindowScreen;
 use super::ui::PanelInterface;
-use super::{Error, RunFigures, ViewerOptions, text};
+use super::{RunFigures, ViewerError, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
 use crate::image::MarkChoice;
-use crate::math::camera::{Camera, Light};
+use crate::math::camera::{Camera, HeadlightSource};
 use crate::math::up_axis::UpAxis;
 use crate::mesh::attributes::PointAttributes;
-use crate::pack::{Lighting, Phong};
+use crate::pack::{Phong, SurfaceLighting};
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::{Model, OrbitSphere};
 use commands::TurntableRun;
@@ -85,7 +85,7 @@ pub(super) struct ViewerApp {
     /// A camera as it was given, until it is moved.
     fixed: Option<Camera>,
     /// The headlight of the camera.
-    light: Light,
+    light: HeadlightSource,
     /// The lamp as it was left, on or off.
     lamp: Phong,
     pub(super) settings: Settings,
@@ -194,12 +194,12 @@ impl ViewerApp {
             fixed: options.camera.clone(),
             light: match &options.camera {
                 Some(camera) => camera.light,
-                None if options.window.parallel_light => Light::Directional,
-                None => Light::Point,
+                None if options.window.parallel_light => HeadlightSource::Directional,
+                None => HeadlightSource::Point,
             },
             lamp: match options.settings.light {
-                Lighting::Phong(phong) => phong,
-                Lighting::Headlight | Lighting::Sphere(_) => Phong::default(),
+                SurfaceLighting::Phong(phong) => phong,
+                SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => Phong::default(),
             },
             splat_of_model: options.settings.splat,
             settings: options.settings,
@@ -273,7 +273,7 @@ impl ViewerApp {
         }
     }
 
-    /// Whether nobody is there to read a message and go on.
+    /// Tells whether nobody is there to read a message and go on.
     pub(super) fn is_unattended(&self) -> bool {
         self.options.screenshot.is_some()
             || self.options.exit_after_frames.is_some()
@@ -286,12 +286,12 @@ impl ViewerApp {
         FrameGoal::of_ms(now, self.screen.is_drawn_by_processor())
     }
 
-    /// Whether the headlight is parallel.
+    /// Tells whether the headlight is parallel.
     pub(super) fn has_parallel_light(&self) -> bool {
-        self.light == Light::Directional
+        self.light == HeadlightSource::Directional
     }
 
-    /// Whether something is to be drawn.
+    /// Tells whether something is to be drawn.
     pub(super) fn is_dirty(&self) -> bool {
         self.is_dirty || self.is_cover_dirty
     }
@@ -301,7 +301,7 @@ impl ViewerApp {
         self.is_cover_dirty = true;
     }
 
-    /// Whether anything covers the picture.
+    /// Tells whether anything covers the picture.
     pub(super) fn has_cover(&self) -> bool {
         let has_notices = !self.notices.list().is_empty();
         let has_window = self.has_panel || self.has_help || self.has_graph;
@@ -337,8 +337,8 @@ impl ViewerApp {
     pub(super) fn loaded(
         &mut self,
         path: &Path,
-        result: Result<Loaded, LoadError>,
-    ) -> Result<(), Error> {
+        result: Result<LoadedModel, LoadError>,
+    ) -> Result<(), ViewerError> {
         self.is_cover_dirty = true;
         let result = match result {
             // Who asked for pictures wants them of the whole model.
@@ -396,7 +396,7 @@ impl ViewerApp {
                 }
                 Ok(())
             }
-            Err(error) if self.is_unattended() => Err(Error::Open(error)),
+            Err(error) if self.is_unattended() => Err(ViewerError::Open(error)),
             Err(error) => {
                 self.warn(&failure(path, &error));
                 Ok(())
@@ -404,12 +404,13 @@ impl ViewerApp {
         }
     }
 
-    /// Whether frames wait until their pages are there: pictures that nobody watches, and recordings, are the same each time.
+    /// Tells whether frames wait until their pages are there: pictures that nobody watches, and recordings, are the same each
+    /// time.
     fn waits_for_pages(&self) -> bool {
         self.is_unattended() || self.options.replay.is_some()
     }
 
-    /// Whether the next frame would be finer, since pages came.
+    /// Tells whether the next frame would be finer, since pages came.
     pub(super) fn take_pages(&mut self) {
         for message in self.screen.take_page_messages() {
             self.warn(&message);
@@ -445,7 +446,7 @@ impl ViewerApp {
         path: &Path,
         is_preview: bool,
         is_reloading: bool,
-    ) -> Result<(), Error> {
+    ) -> Result<(), ViewerError> {
         // The view of a preview stays: somebody may have turned it.
         let is_expected = (self.is_preview || is_reloading) && self.path == path;
         let is_another = self.orbit.is_some() && !is_expected;

@@ -12,7 +12,7 @@ use crate::projective::frame_photos::{ComparedPhoto, FramePhotos};
 use crate::render::vulkan::photos::pool::PhotoPool;
 use crate::render::{PhotoDisplay, Settings};
 use crate::viewer::panel::{PhotographRow, PhotographState, PhotographWish};
-use crate::viewer::{Error, text};
+use crate::viewer::{ViewerError, text};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -30,14 +30,14 @@ pub(super) struct ModelPhotographs {
     pub(super) stage: Option<PhotoStage>,
     /// Which may be used.
     allowed: Vec<bool>,
-    /// Those of the last frame, and what they were chosen for.
+    /// Photographs of the last frame, and what they were chosen for.
     pub(super) frame: Option<Arc<FramePhotos>>,
     chosen_for: Option<View>,
     /// What is there changed since they were.
     is_stale: bool,
     /// Not all have been looked at.
     is_readying: bool,
-    /// Their poses are drawn in the picture.
+    /// Poses of the photographs are drawn in the picture.
     pub(super) has_frusta: bool,
     /// A map of them is shown.
     pub(super) has_radar: bool,
@@ -48,12 +48,12 @@ pub(super) struct ModelPhotographs {
 }
 
 impl ModelPhotographs {
-    /// Whether something of them is painted over the picture.
+    /// Tells whether something of them is painted over the picture.
     pub(super) fn has_marks(&self) -> bool {
         self.has_frusta || self.has_radar
     }
 
-    /// Whether threads will send something.
+    /// Tells whether threads will send something.
     fn is_loading(&self) -> bool {
         let Some(stage) = &self.stage else {
             return self.loader.is_some();
@@ -125,7 +125,7 @@ impl ViewerApp {
     }
 
     /// Another model is shown: photographs are put on the first that has come, and on no other.
-    pub(super) fn photographs_of_new_model(&mut self) -> Result<(), Error> {
+    pub(super) fn photographs_of_new_model(&mut self) -> Result<(), ViewerError> {
         self.photographs = ModelPhotographs::default();
         self.screen.set_photos(None, 0)?;
         if let Some(path) = self.options.photos.scene.take() {
@@ -149,7 +149,7 @@ impl ViewerApp {
         }
     }
 
-    /// Whether photographs are still to come.
+    /// Tells whether photographs are still to come.
     pub(in crate::viewer) fn waits_for_photographs(&self) -> bool {
         self.photographs.is_loading()
     }
@@ -212,7 +212,10 @@ impl ViewerApp {
     ///
     /// # Errors
     /// When device memory runs out.
-    pub(super) fn choose_photographs(&mut self, settings: Settings) -> Result<Settings, Error> {
+    pub(super) fn choose_photographs(
+        &mut self,
+        settings: Settings,
+    ) -> Result<Settings, ViewerError> {
         if !settings.shows_photos() {
             return Ok(settings);
         }

@@ -113,7 +113,7 @@ impl PoseMark {
 }
 
 impl ViewerApp {
-    /// Whether the picture uses a photograph.
+    /// Tells whether the picture uses a photograph.
     fn uses_photograph(&self, index: usize) -> bool {
         let mut all = self
             .photographs

@@ -8,7 +8,7 @@ use super::poses::{paint_map, paint_poses};
 use crate::image::PictureMarks;
 use crate::math::camera::Camera;
 use crate::viewer::panel::{self, PanelState, PanelWish, measures};
-use crate::viewer::{Error, help};
+use crate::viewer::{ViewerError, help};
 use egui::{Align2, Area, Frame, vec2};
 use glam::{DVec2, Vec3};
 
@@ -72,7 +72,7 @@ impl ViewerApp {
     }
 
     /// Lets egui lay out and paint, does what the user asked for, and hands the triangles to the screen.
-    pub(super) fn paint_cover(&mut self) -> Result<(), Error> {
+    pub(super) fn paint_cover(&mut self) -> Result<(), ViewerError> {
         if !self.is_cover_dirty && !self.is_dirty {
             return Ok(());
         }

@@ -32,8 +32,9 @@ const NEAR_PLACE: f64 = 0.1;
 const RECENT: f64 = 400.0;
 /// How much farther than the nearest ones frames count.
 const FARTHER: f64 = 1.0;
-/// So far apart are frames of which the host drew one, as it does where a frame has no triangles.
-const OTHER_HAND: f64 = 4.0;
+/// So far apart are a frame that the processor drew and one that the device did. Filtered splats are the processor's up to
+/// some threshold, and the device's above it.
+const OTHER_BACKEND: f64 = 4.0;
 /// Two frames that differ by less from one say what it takes.
 const KNOWN: f64 = 2.0;
 /// Frames at most from which shares are learned, evenly of those kept.
@@ -70,7 +71,7 @@ pub struct FrameWork {
     pub is_blended: bool,
     /// Small ones are drawn by compute: a unit takes another time then.
     pub by_compute: bool,
-    /// They may be drawn in the other way as well.
+    /// Small splats may be drawn in the other way as well.
     pub is_free: bool,
     /// The largest threshold with which compute draws such splats, pixels.
     #[serde(deserialize_with = "or_infinity")]
@@ -102,18 +103,18 @@ pub struct TimeTaken {
     pub picture_ms: f64,
     /// Passes that draw splats and triangles; what is not known to be anything else.
     pub draw_ms: f64,
-    /// The device works while the host does: the longer of the two decides.
+    /// The device works while the processor does: the longer of the two decides.
     pub overlaps: bool,
 }
 
 impl TimeTaken {
     /// All of it, milliseconds.
     pub fn ms(&self) -> f64 {
-        let (host, device) = (self.cut_ms + self.pack_ms, self.picture_ms + self.draw_ms);
+        let (processor, device) = (self.cut_ms + self.pack_ms, self.picture_ms + self.draw_ms);
         if self.overlaps {
-            host.max(device)
+            processor.max(device)
         } else {
-            host + device
+            processor + device
         }
     }
 
@@ -227,8 +228,8 @@ struct TimedFrame {
 }
 
 impl TimedFrame {
-    /// The host drew its splats, while it packed them.
-    fn is_of_host(&self) -> bool {
+    /// Tells whether the processor drew its splats, while it packed them.
+    fn is_of_processor(&self) -> bool {
         self.took.draw_ms == 0.0 && self.work.splats > 0
     }
 
@@ -240,7 +241,7 @@ impl TimedFrame {
 /// What is known of one way to draw small splats.
 #[derive(Debug, Clone, PartialEq)]
 struct KnownWay {
-    /// Its last frames, oldest first.
+    /// Last frames of the way, oldest first.
     frames: VecDeque<TimedFrame>,
     /// There was more than one.
     is_known: bool,
@@ -409,8 +410,10 @@ impl TimeModel {
         let wanted = WorkNumbers::of(work);
         let far = |a: f64, b: f64, near: f64| ((a / b).ln() / near).powi(2);
         let frames = &self.ways[usize::from(by_compute)].frames;
-        let is_any_of_host = frames.iter().any(TimedFrame::is_of_host);
-        let is_of_host = is_any_of_host && work.triangles == 0;
+        // Of the backend that drew at about this threshold.
+        let off = |f: &&TimedFrame| (f.px / px).ln().abs();
+        let nearest = frames.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+        let is_of_processor = nearest.is_some_and(TimedFrame::is_of_processor);
         let distance = |f: &TimedFrame| {
             let drew = WorkNumbers::of(&f.work);
             let triangles = (wanted.triangle_share() - drew.triangle_share()) / NEAR_SHARE;
@@ -420,11 +423,11 @@ impl TimeModel {
                 + far(wanted.pixels, drew.pixels, NEAR_PIXELS)
                 + triangles.powi(2)
                 + place.powi(2);
-            let other_hand = match f.is_of_host() == is_of_host {
+            let other_backend = match f.is_of_processor() == is_of_processor {
                 true => 0.0,
-                false => OTHER_HAND,
+                false => OTHER_BACKEND,
             };
-            squares.sqrt() + other_hand + (self.count - f.number) as f64 / RECENT
+            squares.sqrt() + other_backend + (self.count - f.number) as f64 / RECENT
         };
         let mut found: Vec<(f64, &TimedFrame)> = frames.iter().map(|f| (distance(f), f)).collect();
         let most = (found.len() / 4).clamp(LEAST, RATES).min(found.len());
@@ -438,7 +441,7 @@ impl TimeModel {
         (found.into_iter().map(|(_, f)| f).collect(), is_known)
     }
 
-    /// Whether the last frame was drawn by compute; none before the first.
+    /// Tells whether the last frame was drawn by compute; none before the first.
     fn last_by_compute(&self) -> Option<bool> {
         let number = |way: &KnownWay| way.frames.back().map_or(0, |f| f.number);
         let [raster, compute] = &self.ways;

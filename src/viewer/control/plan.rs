@@ -67,7 +67,7 @@ fn between(coarse: &TriedThreshold, fine: &TriedThreshold) -> f32 {
 
 /// How a place was drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Seen {
+pub(super) struct SeenPlace {
     place: EyePlace,
     px: f32,
     way: bool,
@@ -82,7 +82,7 @@ struct PlanBegin {
     way: bool,
     /// How far off the wanted time it stays with that.
     allowed: f64,
-    /// It was drawn so before, and the camera moves on.
+    /// The last frame was drawn so, and the camera moves on.
     is_again: bool,
     /// What a frame so drawn took there, milliseconds.
     took_ms: Option<f64>,
@@ -101,7 +101,7 @@ pub(super) struct TriedThreshold {
     cut: f64,
     /// Frames nearly like it were drawn.
     is_known: bool,
-    /// It takes too long, and compute draws nothing coarser.
+    /// The frame takes too long, and compute draws nothing coarser.
     is_at_edge: bool,
 }
 
@@ -135,7 +135,7 @@ impl ThresholdSearch {
         self.has_edge |= tried.is_at_edge && tried.share > 1.0 + EDGE_BAND;
     }
 
-    /// Whether the time jumps over the wanted one beside `best`.
+    /// Tells whether the time jumps over the wanted one beside `best`.
     fn has_jump(&self, best: &TriedThreshold) -> bool {
         best.off() > DEAD_BAND
             && matches!(&self.around, [Some(coarse), Some(fine)] if coarse.px < WIDE_JUMP * fine.px)
@@ -337,7 +337,7 @@ impl FrameBudget {
         })
     }
 
-    /// Whether a frame is to be drawn nearly as it was before at this place.
+    /// Tells whether a frame is to be drawn nearly as it was before at this place.
     fn is_kept(&self, begin: &PlanBegin, tried: &TriedThreshold) -> bool {
         let kept = |ms: f64| (ms / self.target_ms).ln().abs() <= AGAINST;
         let is_doubted = || tried.off() <= DOUBTED && begin.took_ms.is_some_and(kept);
@@ -437,13 +437,13 @@ impl FrameBudget {
         }
     }
 
-    /// Whether it is known that nothing nearer the wanted time lies beside this.
+    /// Tells whether it is known that nothing nearer the wanted time lies beside this.
     fn is_blocked(&self, tried: &TriedThreshold) -> bool {
         let (until, off) = self.blocked[tried.side()];
         self.planned < until && tried.off() < off + WORSE
     }
 
-    /// It was looked for something nearer the wanted time, for so much of a frame, and there was nothing.
+    /// Notes that something nearer the wanted time was looked for, for so much of a frame, and there was nothing.
     fn block(&mut self, best: &TriedThreshold, spent: f64) {
         let frames = (spent / LOOKED).ceil().min(LONGEST_BLOCK) as u64;
         self.blocked[best.side()] = (self.planned + frames, best.off());
@@ -461,7 +461,7 @@ impl FrameBudget {
         if self.seen.len() == SEEN {
             self.seen.pop_front();
         }
-        self.seen.push_back(Seen {
+        self.seen.push_back(SeenPlace {
             place: self.place,
             px: best.px,
             way: best.way,
@@ -471,7 +471,7 @@ impl FrameBudget {
 
     /// A frame has finished: the place that it was seen from remembers what it took.
     pub(super) fn note_seen(&mut self, px: f32, work: &FrameWork, took: TimeTaken) {
-        let is_it = |seen: &&mut Seen| seen.place == work.place && seen.px == px;
+        let is_it = |seen: &&mut SeenPlace| seen.place == work.place && seen.px == px;
         if let Some(seen) = self.seen.iter_mut().rev().find(is_it) {
             let looked = (work.visited + work.counted).max(1);
             let in_vain = took.cut_ms * work.counted as f64 / looked as f64;

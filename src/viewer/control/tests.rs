@@ -245,43 +245,43 @@ fn at_rest_the_picture_becomes_finer_step_by_step_and_moving_ends_that_at_once()
     assert_eq!(control.threshold_px(), moving, "and moving as before");
 }
 
-/// Where no triangle is left the host draws, while it packs: one triangle more and most of the frame is the device's. The
-/// frames most like the wanted one by their numbers are those of the other.
+/// Filtered splats up to 16 pixels are drawn by the processor, while it packs; larger ones by the device. The frames most like
+/// the wanted one by their numbers are those of the other.
 #[test]
-fn frames_of_the_host_are_told_from_those_of_the_device() {
-    let work = |triangles, splats| FrameWork {
+fn frames_of_the_processor_are_told_from_those_of_the_device() {
+    let work = |splats| FrameWork {
         splats,
-        triangles,
         pixels: 100_000,
         is_blended: true,
         by_compute: true,
         ..FrameWork::default()
     };
-    let took = |work: &FrameWork| {
+    let (fine, coarse) = (15.0, 17.0);
+    let took = |px: f32, work: &FrameWork| {
         let splats = work.splats as f64;
-        let is_of_host = work.triangles == 0;
+        let is_of_processor = px == fine;
         TimeTaken {
-            pack_ms: splats * if is_of_host { 5e-5 } else { 2e-5 },
-            picture_ms: if is_of_host { 2.0 } else { 4.0 },
-            draw_ms: splats * if is_of_host { 0.0 } else { 9e-5 },
+            pack_ms: splats * if is_of_processor { 5e-5 } else { 2e-5 },
+            picture_ms: if is_of_processor { 2.0 } else { 4.0 },
+            draw_ms: splats * if is_of_processor { 0.0 } else { 9e-5 },
             ..TimeTaken::default()
         }
     };
     let (few, many) = (200_000, 260_000);
     let mut control = FrameBudget::new(TARGET, 1.0);
     for i in 0..60 {
-        let work = if i % 2 == 0 {
-            work(0, few)
+        let (px, work) = if i % 2 == 0 {
+            (fine, work(few))
         } else {
-            work(300, many)
+            (coarse, work(many))
         };
-        control.frame(3.0, &work, took(&work));
+        control.frame(px, &work, took(px, &work));
     }
-    for work in [work(0, many), work(300, few)] {
-        let rates = control.model.rates(3.0, &work, true);
-        let ms = rates.map(|rates| rates.ms(&WorkNumbers::of(&work), 3.0));
-        let off = ms.map(|ms| ms / took(&work).ms() - 1.0);
-        assert!(off.is_some_and(|off| off.abs() < 0.05), "{work:?}: {off:?}");
+    for (px, work) in [(fine, work(many)), (coarse, work(few))] {
+        let rates = control.model.rates(px, &work, true);
+        let ms = rates.map(|rates| rates.ms(&WorkNumbers::of(&work), px));
+        let off = ms.map(|ms| ms / took(px, &work).ms() - 1.0);
+        assert!(off.is_some_and(|off| off.abs() < 0.05), "{px}: {off:?}");
     }
 }
 

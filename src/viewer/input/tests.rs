@@ -17,33 +17,33 @@ const CONTROL: KeyModifiers = KeyModifiers {
 #[test]
 fn the_keys_of_the_thesis_and_their_neighbors() {
     let letter = |c| command(KeyboardKey::Char(c), NONE);
-    assert_eq!(letter('a'), Some(Command::Method(Method::Triangles)));
-    assert_eq!(letter('s'), Some(Command::Method(Method::Points)));
-    assert_eq!(letter('d'), Some(Command::Method(Method::Pop)));
-    assert_eq!(letter('+'), Some(Command::ThresholdBy(0.25)));
-    assert_eq!(letter('-'), Some(Command::ThresholdBy(-0.25)));
+    assert_eq!(letter('a'), Some(KeyCommand::Method(Method::Triangles)));
+    assert_eq!(letter('s'), Some(KeyCommand::Method(Method::Points)));
+    assert_eq!(letter('d'), Some(KeyCommand::Method(Method::Pop)));
+    assert_eq!(letter('+'), Some(KeyCommand::ThresholdBy(0.25)));
+    assert_eq!(letter('-'), Some(KeyCommand::ThresholdBy(-0.25)));
     assert_eq!(letter('ß'), None);
     assert_eq!(
         command(KeyboardKey::Digit(7), NONE),
-        Some(Command::Threshold(7.0))
+        Some(KeyCommand::Threshold(7.0))
     );
     assert_eq!(command(KeyboardKey::Digit(0), NONE), None);
     assert_eq!(
         command(KeyboardKey::Pad(7), NONE),
-        Some(Command::LookFrom(0.0, FRAC_PI_2))
+        Some(KeyCommand::LookFrom(0.0, FRAC_PI_2))
     );
     assert_eq!(
         command(KeyboardKey::Pad(7), CONTROL),
-        Some(Command::LookFrom(0.0, -FRAC_PI_2))
+        Some(KeyCommand::LookFrom(0.0, -FRAC_PI_2))
     );
     assert_eq!(
         command(KeyboardKey::Char('n'), SHIFT),
-        Some(Command::Splat(-1)),
+        Some(KeyCommand::Splat(-1)),
         "backward"
     );
     assert_eq!(
         command(KeyboardKey::Char('c'), CONTROL),
-        Some(Command::CopyCamera)
+        Some(KeyCommand::CopyCamera)
     );
 }
 
@@ -88,7 +88,7 @@ fn every_key_that_is_listed_has_a_command_of_its_own_and_no_other_letter_has_one
 #[test]
 fn keys_of_the_lamp() {
     let lamp = |key, modifiers| match command(key, modifiers) {
-        Some(Command::Lamp(change)) => Some(change),
+        Some(KeyCommand::Lamp(change)) => Some(change),
         _ => None,
     };
     assert_eq!(

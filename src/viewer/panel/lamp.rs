@@ -2,7 +2,7 @@
 
 use super::PanelWish;
 use crate::pack::{Lamp, Phong};
-use crate::viewer::input::Command;
+use crate::viewer::input::KeyCommand;
 use crate::viewer::lamp::{FARTHEST, LampChange, SHININESS, degrees, from_camera};
 use egui::{ComboBox, DragValue, Grid, Slider, Ui};
 use glam::DVec3;
@@ -28,7 +28,7 @@ pub(super) fn show(ui: &mut Ui, phong: &mut Phong, radius: f64, wishes: &mut Vec
             .on_hover_text(tip);
         ui.end_row();
         if wanted != is_in_world {
-            wishes.push(PanelWish::Command(Command::Lamp(LampChange::Anchor)));
+            wishes.push(PanelWish::Command(KeyCommand::Lamp(LampChange::Anchor)));
         }
         match phong.lamp {
             Lamp::FromCamera { azimuth, elevation } => {

@@ -4,7 +4,7 @@ use super::{PanelWish, choose};
 use crate::image::MarkChoice;
 use crate::render::Settings;
 use crate::viewer::choices::{self, SurfaceNormals, name_of};
-use crate::viewer::input::Command;
+use crate::viewer::input::KeyCommand;
 use crate::viewer::lamp::{KINDS, LightKind};
 use egui::{Grid, Ui};
 
@@ -87,13 +87,13 @@ pub(super) fn marks(ui: &mut Ui, shown: MarkChoice, wishes: &mut Vec<PanelWish>)
             (
                 shown.scale_bar,
                 "scale bar",
-                Command::ScaleBar,
+                KeyCommand::ScaleBar,
                 "A bar of a round length, as long as that is at the middle of the model (Shift Z)",
             ),
             (
                 shown.axes,
                 "axes",
-                Command::Axes,
+                KeyCommand::Axes,
                 "The directions of x, y and z (Shift X)",
             ),
         ] {

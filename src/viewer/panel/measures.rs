@@ -2,7 +2,7 @@
 
 use super::{PanelWish, heading};
 use crate::image::MarkedLines;
-use crate::viewer::input::{Command, MeasureChange};
+use crate::viewer::input::{KeyCommand, MeasureChange};
 use crate::viewer::measuring::SeenPoint;
 use egui::{Align2, Area, Color32, Context, FontId, Frame, Grid, RichText, Stroke, Ui, pos2, vec2};
 
@@ -66,7 +66,7 @@ pub(super) fn show(ui: &mut Ui, state: &MeasureState, wishes: &mut Vec<PanelWish
             ),
         ] {
             if ui.button(name).on_hover_text(tip).clicked() {
-                wishes.push(PanelWish::Command(Command::Measure(change)));
+                wishes.push(PanelWish::Command(KeyCommand::Measure(change)));
             }
         }
     });

@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub struct PhotographRow {
     /// Name of its file.
     pub name: String,
-    /// It may be used.
+    /// The photograph may be used.
     pub is_allowed: bool,
     /// The picture uses it.
     pub is_used: bool,
@@ -25,7 +25,7 @@ pub struct PhotographRow {
 pub struct PhotographState {
     /// All of the scene.
     pub photos: Vec<PhotographRow>,
-    /// Their poses are drawn in the picture.
+    /// Poses of the photographs are drawn in the picture.
     pub has_frusta: bool,
     /// A map of their poses is shown.
     pub has_radar: bool,

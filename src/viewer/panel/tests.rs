@@ -5,7 +5,7 @@ mod recent;
 
 use super::*;
 use crate::image::MarkChoice;
-use crate::math::camera::Light;
+use crate::math::camera::HeadlightSource;
 use crate::oriented::splats::SplatRules;
 use crate::pack::lit_sphere::LitSphere;
 use crate::pack::{Lamp, Phong};
@@ -173,7 +173,7 @@ fn all_settings() -> Vec<Settings> {
     });
     for lamp in lamps() {
         all.push(Settings {
-            light: Lighting::Phong(lamp),
+            light: SurfaceLighting::Phong(lamp),
             ..Settings::default()
         });
     }
@@ -193,7 +193,7 @@ fn lamps() -> [Phong; 2] {
 fn state<'a>(settings: &'a Settings, facts: &'a PanelFacts) -> PanelState<'a> {
     PanelState {
         settings,
-        light: LightKind::of(Light::Point, &settings.light),
+        light: LightKind::of(HeadlightSource::Point, &settings.light),
         normals: SurfaceNormals::File,
         recent: &[],
         radius: 2.0,
@@ -245,7 +245,7 @@ fn names_a_key(tip: &str) -> bool {
 }
 
 /// The commands of all keys.
-fn commands() -> Vec<Command> {
+fn commands() -> Vec<KeyCommand> {
     let letters = ('!'..='~').map(KeyboardKey::Char);
     let others = [
         KeyboardKey::Left,
@@ -357,27 +357,27 @@ fn what_a_click_does_a_key_does() {
             let is_a_keys = match &wish {
                 PanelWish::Command(command) => commands.contains(command),
                 PanelWish::Settings(new) if new.method != settings.method => {
-                    commands.contains(&Command::Method(new.method))
+                    commands.contains(&KeyCommand::Method(new.method))
                 }
                 PanelWish::Settings(new) if new.two_sided != settings.two_sided => {
-                    commands.contains(&Command::TwoSided)
+                    commands.contains(&KeyCommand::TwoSided)
                 }
                 PanelWish::Settings(new) if new.vertex_splats != settings.vertex_splats => {
-                    commands.contains(&Command::VertexSplats)
+                    commands.contains(&KeyCommand::VertexSplats)
                 }
                 PanelWish::Settings(new) if new.use_colors != settings.use_colors => {
-                    commands.contains(&Command::Colors)
+                    commands.contains(&KeyCommand::Colors)
                 }
                 PanelWish::Settings(new) => {
-                    new.depth_offset.is_none() && commands.contains(&Command::UsualDepthOffset)
+                    new.depth_offset.is_none() && commands.contains(&KeyCommand::UsualDepthOffset)
                 }
-                PanelWish::Light(_) => commands.contains(&Command::Light),
-                PanelWish::Normals(_) => commands.contains(&Command::Normals),
+                PanelWish::Light(_) => commands.contains(&KeyCommand::Light),
+                PanelWish::Normals(_) => commands.contains(&KeyCommand::Normals),
                 PanelWish::Show { .. }
                 | PanelWish::Photograph(_)
                 | PanelWish::RemoveMeasure(_)
                 | PanelWish::Open(_) => false,
-                PanelWish::FrameTime(_) => commands.contains(&Command::FrameTime(1)),
+                PanelWish::FrameTime(_) => commands.contains(&KeyCommand::FrameTime(1)),
             };
             assert!(
                 is_a_keys,
@@ -418,7 +418,7 @@ fn the_lamp_is_turned_on_moved_and_put_into_the_world() {
     }
     let wishes = pick(&mut stage, &state(&settings, &facts), "in the eye", "lamp");
     assert_eq!(wishes, [PanelWish::Light(LightKind::Lamp)]);
-    settings.light = Lighting::Phong(Phong::default());
+    settings.light = SurfaceLighting::Phong(Phong::default());
     let with_lamp = state(&settings, &facts);
     // What a screen reader writes into a field.
     let mut write = |field: usize, value: f64| {
@@ -435,7 +435,7 @@ fn the_lamp_is_turned_on_moved_and_put_into_the_world() {
         let [PanelWish::Settings(new)] = wishes.as_slice() else {
             panic!("{} asks for {wishes:?}", names[field])
         };
-        let Lighting::Phong(phong) = new.light else {
+        let SurfaceLighting::Phong(phong) = new.light else {
             panic!("the lamp is off: {new:?}")
         };
         assert_eq!(StoredLook::of(new).settings(), Ok(**new), "it is kept");
@@ -453,13 +453,13 @@ fn the_lamp_is_turned_on_moved_and_put_into_the_world() {
     assert_eq!(write(3, 1.0).specular, 1.0);
     assert_eq!(write(4, 100.0).shininess, 100.0);
     assert_eq!(write(4, 0.0).shininess, 1.0, "no smaller");
-    let anchor = [PanelWish::Command(Command::Lamp(
+    let anchor = [PanelWish::Command(KeyCommand::Lamp(
         crate::viewer::lamp::LampChange::Anchor,
     ))];
     let (with, stays) = ("goes with the viewer", "stays in the world");
     assert_eq!(pick(&mut stage, &with_lamp, with, stays), anchor);
     let in_world = lamps()[1];
-    settings.light = Lighting::Phong(in_world);
+    settings.light = SurfaceLighting::Phong(in_world);
     let state = state(&settings, &facts);
     assert_eq!(pick(&mut stage, &state, stays, with), anchor);
     let controls = stage.controls(&state);
@@ -542,11 +542,11 @@ fn every_choice_of_the_panel_is_kept() {
         });
     }
     for lamp in lamps() {
-        let light = Lighting::Phong(lamp);
+        let light = SurfaceLighting::Phong(lamp);
         keep(Settings { light, ..usual });
     }
     for sphere in LitSphere::ALL {
-        let light = Lighting::Sphere(sphere);
+        let light = SurfaceLighting::Sphere(sphere);
         keep(Settings { light, ..usual });
     }
     assert_eq!(kept, 4 + 1 + 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 2 + 6 + 2);

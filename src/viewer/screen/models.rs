@@ -53,17 +53,17 @@ impl WindowScreen {
         self.model.clone()
     }
 
-    /// Whether the first model stands in for a paged file.
+    /// Tells whether the first model stands in for a paged file.
     pub(in crate::viewer) fn is_paged(&self) -> bool {
         matches!(self.pages.first(), Some(Some(_)))
     }
 
-    /// Whether the processor draws: by itself, or as a software device.
+    /// Tells whether the processor draws: by itself, or as a software device.
     pub(in crate::viewer) fn is_drawn_by_processor(&self) -> bool {
         self.gpu.info().is_cpu() || self.backend == WindowBackend::Cpu
     }
 
-    /// Whether the leaves of the first model are points.
+    /// Tells whether the leaves of the first model are points.
     pub(in crate::viewer) fn has_points(&self) -> bool {
         match self.pages.first() {
             Some(Some(pages)) => !pages.file().is_surface(),
@@ -80,7 +80,7 @@ impl WindowScreen {
             .collect()
     }
 
-    /// Whether each model is drawn.
+    /// Tells whether each model is drawn.
     pub(in crate::viewer) fn shown(&self) -> &[bool] {
         &self.shown
     }

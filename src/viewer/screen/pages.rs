@@ -3,7 +3,7 @@
 use super::WindowScreen;
 use crate::gpu::Error;
 use crate::math::camera::View;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::render::Settings;
 use crate::render::paged_model::PagedModel;
 use crate::render::window_renderer::ShownModel;
@@ -19,7 +19,7 @@ impl WindowScreen {
         (self.pages, self.waits_for_pages) = (pages, waits);
     }
 
-    /// Whether pages came that the last frame did not have.
+    /// Tells whether pages came that the last frame did not have.
     pub(in crate::viewer) fn has_new_pages(&self) -> bool {
         self.pages.iter().flatten().any(PagedModel::has_news)
     }
@@ -47,15 +47,15 @@ impl WindowScreen {
     /// As [`PagedModel::load`].
     pub(super) fn load_pages(&mut self, view: &View, settings: &Settings) -> Result<(), Error> {
         for own in self.pages.iter_mut().flatten() {
-            let mut messages = own.load(view, settings, &Silent)?;
+            let mut messages = own.load(view, settings, &SilentProgress)?;
             self.page_messages.append(&mut messages);
         }
         Ok(())
     }
 
-    /// Whether samples would make the picture of the last frame, drawn with these settings, smoother: where all of its pages are
-    /// there, and no sample took longer than [`SLOWEST_SAMPLE_MS`]. A frame can take long by chance: where it took not very
-    /// much longer, a sample tells.
+    /// Tells whether samples would make the picture of the last frame, drawn with these settings, smoother: where all of its
+    /// pages are there, and no sample took longer than [`SLOWEST_SAMPLE_MS`]. A frame can take long by chance: where it took
+    /// not very much longer, a sample tells.
     pub(in crate::viewer) fn can_be_smoother(&self, settings: &Settings) -> bool {
         let is_finished = self.drawn.is_some() && self.picture.is_some() && self.pending.is_empty();
         let is_fine = self.wanted_pages() == 0 && self.times.frame_ms < 4.0 * SLOWEST_SAMPLE_MS;

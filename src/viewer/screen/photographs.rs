@@ -53,7 +53,7 @@ impl WindowScreen {
         Ok(())
     }
 
-    /// Whether the next frame would be sharper than the last, since more of its photographs would be on the device.
+    /// Tells whether the next frame would be sharper than the last, since more of its photographs would be on the device.
     pub(in crate::viewer) fn are_photos_behind(&self) -> bool {
         (self.photo_pool.as_ref()).is_some_and(|pool| lock(pool).is_behind())
     }

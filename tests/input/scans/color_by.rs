@@ -1,20 +1,20 @@
 //! Colors by height and by what points carry.
 
-use surfel::input::{self, ColorSetting, Loaded, Options, PointColoring};
-use surfel::progress::Silent;
+use surfel::input::{self, ColorSetting, LoadedMesh, PointColoring, ReadOptions};
+use surfel::progress::SilentProgress;
 
 use super::remarks;
 
 const TABLE: &str = "x,y,z,intensity,class,red,green,blue\n\
                      0,0,0,10,2,1,2,3\n1,0,5,20,6,1,2,3\n2,0,10,30,2,1,2,3\n3,0,7,,99,1,2,3\n";
 
-fn colored(by: &str, range: Option<[f64; 2]>) -> Result<Loaded, input::Error> {
+fn colored(by: &str, range: Option<[f64; 2]>) -> Result<LoadedMesh, input::Error> {
     let by: PointColoring = by.parse().unwrap();
-    let options = Options {
+    let options = ReadOptions {
         color: Some(ColorSetting { by, range }),
-        ..Options::default()
+        ..ReadOptions::default()
     };
-    input::load_bytes("a.csv", TABLE.as_bytes(), &options, &Silent)
+    input::load_bytes("a.csv", TABLE.as_bytes(), &options, &SilentProgress)
 }
 
 #[test]

@@ -7,7 +7,7 @@ use ::e57::{
     E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation,
 };
 use glam::DVec3;
-use surfel::input::{Format, Loaded};
+use surfel::input::{Format, LoadedMesh};
 
 use super::super::{message, read};
 use super::{column, damage, histogram, remarks, scan};
@@ -96,7 +96,7 @@ fn small() -> Vec<u8> {
     bytes
 }
 
-fn place(loaded: &Loaded, at: usize) -> DVec3 {
+fn place(loaded: &LoadedMesh, at: usize) -> DVec3 {
     loaded.mesh.origin + loaded.mesh.positions[at].as_dvec3()
 }
 

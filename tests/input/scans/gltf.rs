@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use serde_json::{Value, json};
-use surfel::input::{Format, Loaded};
+use surfel::input::{Format, LoadedMesh};
 
 use super::super::{SQUARE, message, read, try_read};
 use super::{damage, remarks, scan_at};
@@ -95,7 +95,7 @@ fn square() -> (Parts, Value) {
     (parts, primitives)
 }
 
-fn triangles(loaded: &Loaded) -> Vec<[Vec3; 3]> {
+fn triangles(loaded: &LoadedMesh) -> Vec<[Vec3; 3]> {
     let mesh = &loaded.mesh;
     let corner = |corner: u32| mesh.positions[corner as usize];
     mesh.triangles.iter().map(|t| t.map(corner)).collect()

@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 use las::point::{Classification, Format as PointFormat};
 use las::{Builder, Color, Point, Transform, Vector, Writer};
-use surfel::input::{Format, Loaded, Warning};
+use surfel::input::{Format, LoadedMesh, ReadWarning};
 
 use super::super::{read, try_read};
 use super::{column, damage, histogram, next, remarks, scan};
@@ -59,7 +59,7 @@ fn small(version: (u8, u8), format: u8, packed: bool, points: u64) -> Vec<u8> {
 }
 
 /// Compares every point with what the crate `las` reads.
-fn assert_as_other_reader(path: &Path, loaded: &Loaded) {
+fn assert_as_other_reader(path: &Path, loaded: &LoadedMesh) {
     let mut reader = las::Reader::from_path(path).unwrap();
     let points: Vec<Point> = {
         let data = reader.read_all().unwrap();
@@ -158,7 +158,7 @@ fn what_is_cut_short_is_read_as_far_as_it_goes() {
         let loaded = read("a.laz", &bytes[..bytes.len() / 2]);
         let found = loaded.mesh.positions.len();
         let promised = loaded.warnings.iter().find_map(|warning| match warning {
-            Warning::CountContradicts {
+            ReadWarning::CountContradicts {
                 promised, found, ..
             } => Some((*promised, *found as usize)),
             _ => None,

@@ -9,9 +9,9 @@ mod text;
 
 use std::path::{Path, PathBuf};
 
-use surfel::input::{self, Loaded, Options};
+use surfel::input::{self, LoadedMesh, ReadOptions};
 use surfel::mesh::attributes::AttributeColumn;
-use surfel::progress::Silent;
+use surfel::progress::SilentProgress;
 
 use super::common_models::real_file;
 use super::{check, try_read};
@@ -85,21 +85,21 @@ fn damage(name: &str, bytes: &[u8], times: u64) -> u64 {
 }
 
 /// A file of the real scans; `None` where they are absent.
-fn scan(name: &str) -> Option<(PathBuf, Loaded)> {
+fn scan(name: &str) -> Option<(PathBuf, LoadedMesh)> {
     let path = real_file(&format!("scans/{name}"))?;
     let loaded = scan_at(&path);
     Some((path, loaded))
 }
 
 /// A file of the disk.
-fn scan_at(path: &Path) -> Loaded {
-    let loaded = input::load(path, &Options::default(), &Silent);
+fn scan_at(path: &Path) -> LoadedMesh {
+    let loaded = input::load(path, &ReadOptions::default(), &SilentProgress);
     let loaded = loaded.unwrap_or_else(|error| panic!("{error}"));
     check(&loaded, usize::MAX);
     loaded
 }
 
-fn column<'a>(loaded: &'a Loaded, name: &str) -> &'a AttributeColumn {
+fn column<'a>(loaded: &'a LoadedMesh, name: &str) -> &'a AttributeColumn {
     let found = loaded.attributes.find(name);
     found.unwrap_or_else(|| panic!("no column {name}: {:?}", loaded.parts))
 }
@@ -113,7 +113,7 @@ fn histogram(column: &AttributeColumn) -> Vec<(i64, usize)> {
     counts.into_iter().collect()
 }
 
-fn remarks(loaded: &Loaded) -> String {
+fn remarks(loaded: &LoadedMesh) -> String {
     let lines: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     lines.join("\n")
 }

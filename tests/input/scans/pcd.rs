@@ -1,7 +1,7 @@
 //! PCD in its three encodings.
 
 use glam::{DVec3, Vec3};
-use surfel::input::{Format, Loaded};
+use surfel::input::{Format, LoadedMesh};
 
 use super::super::{message, read};
 use super::{column, damage, histogram, remarks, scan};
@@ -61,7 +61,7 @@ fn text() -> Vec<u8> {
     format!("{HEAD}DATA ascii\n{}", rows.concat()).into_bytes()
 }
 
-fn check_four(loaded: &Loaded) {
+fn check_four(loaded: &LoadedMesh) {
     assert_eq!(loaded.format, Format::Pcd);
     assert_eq!(loaded.counts.vertices, 4);
     assert_eq!(loaded.mesh.positions.len(), 3);

@@ -1,12 +1,12 @@
 //! Clouds as text, in the dialects of many programs.
 
 use glam::{DVec3, Vec3};
-use surfel::input::{Format, Loaded};
+use surfel::input::{Format, LoadedMesh};
 
 use super::super::{message, read};
 use super::{column, damage, histogram, remarks, scan};
 
-fn places(loaded: &Loaded) -> Vec<DVec3> {
+fn places(loaded: &LoadedMesh) -> Vec<DVec3> {
     let mesh = &loaded.mesh;
     let places = mesh.positions.iter().map(|p| mesh.origin + p.as_dvec3());
     places.collect()

@@ -1,8 +1,8 @@
 //! The public header of LAS and the variable records after it.
 
-use super::super::super::job::Job;
+use super::super::super::job::ReadJob;
 use super::super::super::part::PartFate;
-use super::super::super::{Error, Place};
+use super::super::super::{Error, FilePlace};
 use super::super::{bytes_at, text_of};
 use super::extra::ExtraField;
 
@@ -70,20 +70,20 @@ fn f64_at(data: &[u8], at: usize) -> f64 {
 }
 
 impl LasHeader {
-    pub(super) fn parse(job: &mut Job<'_>, data: &[u8]) -> Result<LasHeader, Error> {
+    pub(super) fn parse(job: &mut ReadJob<'_>, data: &[u8]) -> Result<LasHeader, Error> {
         if data.len() < SMALLEST_HEADER {
             let missing = format!("a LAS header has {SMALLEST_HEADER} bytes");
-            return Err(job.truncated(Place::Byte(data.len() as u64), missing));
+            return Err(job.truncated(FilePlace::Byte(data.len() as u64), missing));
         }
         let (major, minor) = (data[24], data[25]);
         if major != 1 || minor > 5 {
             let reason = format!("LAS version {major}.{minor} is not known (1.0 to 1.5 are)");
-            return Err(job.syntax(Place::Byte(24), reason));
+            return Err(job.syntax(FilePlace::Byte(24), reason));
         }
         let header_bytes = usize::from(u16_at(data, 94));
         if header_bytes < SMALLEST_HEADER || header_bytes > data.len() {
             let reason = format!("the header says that it has {header_bytes} bytes");
-            return Err(job.syntax(Place::Byte(94), reason));
+            return Err(job.syntax(FilePlace::Byte(94), reason));
         }
         let points_at = u32_at(data, 96) as usize;
         if points_at < header_bytes || points_at > data.len() {
@@ -91,7 +91,7 @@ impl LasHeader {
                 "the points are said to begin at byte {points_at} of {}",
                 data.len()
             );
-            return Err(job.syntax(Place::Byte(96), reason));
+            return Err(job.syntax(FilePlace::Byte(96), reason));
         }
         // The two highest bits are marks of packing.
         let point_format = data[104] & 0x3f;
@@ -99,13 +99,13 @@ impl LasHeader {
         let record_bytes = usize::from(u16_at(data, 105));
         let Some(&format_bytes) = FORMAT_BYTES.get(usize::from(point_format)) else {
             let reason = format!("point format {point_format} is not known (0 to 10 are)");
-            return Err(job.syntax(Place::Byte(104), reason));
+            return Err(job.syntax(FilePlace::Byte(104), reason));
         };
         if record_bytes < format_bytes {
             let reason = format!(
                 "point records are said to have {record_bytes} bytes, format {point_format} has {format_bytes}"
             );
-            return Err(job.syntax(Place::Byte(105), reason));
+            return Err(job.syntax(FilePlace::Byte(105), reason));
         }
         let legacy = u64::from(u32_at(data, 107));
         let has_wide_count = minor >= 4 && header_bytes >= 255;
@@ -120,7 +120,7 @@ impl LasHeader {
         if scale.iter().any(|value| is_bad(value) || *value == 0.0) || offset.iter().any(is_bad) {
             let reason =
                 format!("the scale {scale:?} or the offset {offset:?} is no number of use");
-            return Err(job.syntax(Place::Byte(131), reason));
+            return Err(job.syntax(FilePlace::Byte(131), reason));
         }
         let version =
             format!("LAS 1.{minor}, point format {point_format}, {record_bytes} bytes a point");
@@ -143,7 +143,7 @@ impl LasHeader {
             header.packing = PointPacking::None;
         } else if header.packing == PointPacking::None {
             let reason = "the points are packed, but no `laszip encoded` record says how";
-            return Err(job.syntax(Place::Byte(104), reason));
+            return Err(job.syntax(FilePlace::Byte(104), reason));
         }
         let extra_bytes = record_bytes - format_bytes;
         header.extra = ExtraField::placed(header.extra, format_bytes, record_bytes);
@@ -156,7 +156,7 @@ impl LasHeader {
     }
 
     /// Walks the variable records between header and points; stops where they do not fit.
-    fn read_records(&mut self, job: &mut Job<'_>, data: &[u8], start: usize) {
+    fn read_records(&mut self, job: &mut ReadJob<'_>, data: &[u8], start: usize) {
         let mut at = start;
         for _ in 0..u32_at(data, 100).min(MOST_RECORDS) {
             let Some(head) = data[..self.points_at].get(at..at + RECORD_HEAD) else {
@@ -175,7 +175,7 @@ impl LasHeader {
     }
 
     /// Walks the extended records at the end of the file.
-    fn read_extended_records(&mut self, job: &mut Job<'_>, data: &[u8]) {
+    fn read_extended_records(&mut self, job: &mut ReadJob<'_>, data: &[u8]) {
         let Ok(mut at) = usize::try_from(u64_at(data, 235)) else {
             return;
         };
@@ -201,7 +201,7 @@ impl LasHeader {
         }
     }
 
-    fn see(&mut self, job: &mut Job<'_>, record: &VariableRecord<'_>) {
+    fn see(&mut self, job: &mut ReadJob<'_>, record: &VariableRecord<'_>) {
         let mut list = |what: &str, fate, note: String| {
             job.inventory
                 .add(what, record.body.len() as u64, fate, note);

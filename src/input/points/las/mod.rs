@@ -20,11 +20,11 @@ use rayon::prelude::*;
 
 use self::fields::{PointLayout, RecordBlock};
 use self::header::{LasHeader, PointPacking};
-use super::super::assemble::{Coordinates, Raw, StepGrid};
-use super::super::job::Job;
+use super::super::assemble::{FileCoordinates, RawMesh, StepGrid};
+use super::super::job::ReadJob;
 use super::super::part::PartFate;
 use super::super::polygon::PolygonRuns;
-use super::super::{Counts, Error, Format, Place, Warning};
+use super::super::{Error, FileCounts, FilePlace, Format, ReadWarning};
 use super::keep_attributes;
 use crate::mesh::attributes::AttributeColumn;
 
@@ -53,7 +53,10 @@ impl PointSink {
 }
 
 /// Reads a LAS or LAZ file.
-pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(
+    job: &mut ReadJob<'_>,
+    data: &[u8],
+) -> Result<(Format, RawMesh), Error> {
     let header = LasHeader::parse(job, data)?;
     let layout = PointLayout::of(&header);
     let mut sink = PointSink {
@@ -75,10 +78,10 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
     let found = sink.steps.len() as u64;
     if found != header.points {
         if found == 0 && header.points > 0 {
-            let place = Place::Byte(header.points_at as u64);
+            let place = FilePlace::Byte(header.points_at as u64);
             return Err(job.truncated(place, format!("{} points", header.points)));
         }
-        job.warn(Warning::CountContradicts {
+        job.warn(ReadWarning::CountContradicts {
             what: "points",
             promised: header.points,
             found,
@@ -86,8 +89,8 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
     }
     keep_attributes(job, sink.columns);
     let colors = bytes_of_colors(job, &sink.colors);
-    let raw = Raw {
-        coordinates: Coordinates::Steps(StepGrid {
+    let raw = RawMesh {
+        coordinates: FileCoordinates::Steps(StepGrid {
             steps: sink.steps,
             scale: DVec3::from_array(header.scale),
             offset: DVec3::from_array(header.offset),
@@ -97,7 +100,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
         colors,
         triangles: Vec::new(),
         polygons: PolygonRuns::default(),
-        counts: Counts {
+        counts: FileCounts {
             vertices: found,
             faces: 0,
         },
@@ -108,7 +111,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
 
 /// Reads points that are not packed, as many as are there.
 fn read_plain(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     header: &LasHeader,
     sink: &mut PointSink,
@@ -140,7 +143,7 @@ fn read_plain(
 }
 
 /// Colors of 8 bits. Many writers put 8-bit values into the fields of 16 bits, which the largest value tells.
-fn bytes_of_colors(job: &mut Job<'_>, colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
+fn bytes_of_colors(job: &mut ReadJob<'_>, colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
     let largest = colors
         .par_iter()
         .with_min_len(PIECE)
@@ -156,7 +159,7 @@ fn bytes_of_colors(job: &mut Job<'_>, colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
     }
     let bits = if largest > 255 { 16 } else { 8 };
     if bits == 8 {
-        job.warn(Warning::ColorRange { largest: 255 });
+        job.warn(ReadWarning::ColorRange { largest: 255 });
     }
     let note = format!("{bits} bits, largest value {largest}");
     job.inventory

@@ -6,10 +6,10 @@ use super::header::{LasHeader, PointPacking};
 use super::unpack::{PackedChunks, packed_chunks};
 use super::{PIECE, byte_of_color};
 use crate::input::assemble::StepGrid;
-use crate::input::job::Job;
-use crate::input::{Error, Format, Options, Warning};
+use crate::input::job::ReadJob;
+use crate::input::{Error, Format, ReadOptions, ReadWarning};
 use crate::mesh::stream::{MeshStream, StreamError, StreamFacts, TakePiece, VertexPiece};
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -19,7 +19,7 @@ const PLAIN_BYTES: u64 = 16 << 20;
 /// An open file.
 struct LasStream {
     file: RowFile,
-    options: Options,
+    options: ReadOptions,
     layout: PointLayout,
     points_at: u64,
     /// Points of the file, as many as are there.
@@ -36,7 +36,7 @@ struct LasStream {
 /// # Errors
 /// The header is damaged; packed points that cannot be unpacked; cancelled.
 pub(in crate::input) fn open_stream(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     file: RowFile,
     progress: &dyn Progress,
 ) -> Result<Option<StreamedModel>, Error> {
@@ -60,7 +60,7 @@ pub(in crate::input) fn open_stream(
     }
     job.check_vertices(points)?;
     if points != header.points {
-        job.warn(Warning::CountContradicts {
+        job.warn(ReadWarning::CountContradicts {
             what: "points",
             promised: header.points,
             found: points,
@@ -102,10 +102,10 @@ pub(in crate::input) fn open_stream(
         })?;
         stream.largest_color = largest;
         if largest > 0 && largest <= 255 {
-            job.warn(Warning::ColorRange { largest: 255 });
+            job.warn(ReadWarning::ColorRange { largest: 255 });
         }
     }
-    job.warn(Warning::LeftOut {
+    job.warn(ReadWarning::LeftOut {
         parts: vec!["attributes of points".to_owned()],
     });
     let file_bytes = stream.file.length;
@@ -124,7 +124,7 @@ impl LasStream {
         take: &mut dyn FnMut(&RecordBlock) -> Result<(), StreamError>,
     ) -> Result<(), StreamError> {
         if let Some(packed) = &self.packed {
-            let job = Job::new(&self.file.path, None, &self.options, &Silent);
+            let job = ReadJob::new(&self.file.path, None, &self.options, &SilentProgress);
             return packed.each(&job, &self.file, &self.layout, take);
         }
         let length = self.layout.record_bytes as u64;

@@ -9,16 +9,16 @@ use laz::record::{
 use laz::{LazItem, LazVlr};
 use rayon::prelude::*;
 
-use super::super::super::job::Job;
+use super::super::super::job::ReadJob;
 use super::super::super::stream::{RowFile, boxed};
-use super::super::super::{Error, Place};
+use super::super::super::{Error, FilePlace};
 use super::super::guard::guarded;
 use super::super::{bytes_at, check_unpacked};
 use super::fields::{PointLayout, RecordBlock};
 use super::header::{LasHeader, PointPacking};
 use super::{PIECE, PointSink};
 use crate::mesh::stream::StreamError;
-use crate::progress::{Progress, Silent};
+use crate::progress::{Progress, SilentProgress};
 
 /// Points unpacked between two looks at the progress, at least.
 const BATCH_POINTS: u64 = 1 << 20;
@@ -51,7 +51,7 @@ struct UnpackedChunk {
 
 /// Reads packed points.
 pub(super) fn read(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     header: &LasHeader,
     sink: &mut PointSink,
@@ -59,7 +59,7 @@ pub(super) fn read(
     let PointPacking::LasZip { record, .. } = &header.packing else {
         return Ok(());
     };
-    let place = Place::Byte(header.points_at as u64);
+    let place = FilePlace::Byte(header.points_at as u64);
     let vlr = guarded(|| LazVlr::from_buffer(record).map_err(|error| error.to_string()))
         .map_err(|reason| job.syntax(place, format!("the record of the packing: {reason}")))?;
     check_items(job, header, &vlr)?;
@@ -84,7 +84,7 @@ pub(super) fn read(
         None if vlr.uses_variable_size_chunks()
             && points.compressor != CompressorType::LayeredChunked =>
         {
-            Err(job.truncated(Place::Byte(data.len() as u64), "the table of chunks"))
+            Err(job.truncated(FilePlace::Byte(data.len() as u64), "the table of chunks"))
         }
         None => {
             let size = u64::from(vlr.chunk_size());
@@ -104,13 +104,13 @@ fn compressor_of(record: &[u8]) -> CompressorType {
 }
 
 /// Refuses a packing whose items do not add up to the points of the header.
-fn check_items(job: &Job<'_>, header: &LasHeader, vlr: &LazVlr) -> Result<(), Error> {
+fn check_items(job: &ReadJob<'_>, header: &LasHeader, vlr: &LazVlr) -> Result<(), Error> {
     let size: u64 = vlr.items().iter().map(|item| u64::from(item.size())).sum();
     if size == header.record_bytes as u64 {
         return Ok(());
     }
     Err(job.syntax(
-        Place::Byte(105),
+        FilePlace::Byte(105),
         format!(
             "packed points of {size} bytes, where the header says {}",
             header.record_bytes
@@ -184,14 +184,14 @@ pub(super) struct PackedChunks {
 /// # Errors
 /// The record of the packing is damaged, or not that of the points.
 pub(super) fn packed_chunks(
-    job: &Job<'_>,
+    job: &ReadJob<'_>,
     file: &RowFile,
     header: &LasHeader,
 ) -> Result<Option<PackedChunks>, Error> {
     let PointPacking::LasZip { record, .. } = &header.packing else {
         return Ok(None);
     };
-    let place = Place::Byte(header.points_at as u64);
+    let place = FilePlace::Byte(header.points_at as u64);
     let vlr = guarded(|| LazVlr::from_buffer(record).map_err(|error| error.to_string()))
         .map_err(|reason| job.syntax(place, format!("the record of the packing: {reason}")))?;
     check_items(job, header, &vlr)?;
@@ -231,7 +231,7 @@ impl PackedChunks {
     /// A chunk that cannot be unpacked; the error of `take`.
     pub(super) fn each(
         &self,
-        job: &Job<'_>,
+        job: &ReadJob<'_>,
         file: &RowFile,
         layout: &PointLayout,
         take: &mut dyn FnMut(&RecordBlock) -> Result<(), StreamError>,
@@ -246,7 +246,7 @@ impl PackedChunks {
                 items: &self.items,
                 compressor: compressor_of(&self.record),
                 layout,
-                progress: &Silent,
+                progress: &SilentProgress,
             };
             let moved = |chunk: &LazChunk| LazChunk {
                 start: chunk.start - first.start,
@@ -258,7 +258,7 @@ impl PackedChunks {
                 .collect();
             for (chunk, unpacked) in batch.iter().zip(unpacked) {
                 if let Some(reason) = unpacked.failure {
-                    let place = Place::Byte(chunk.start as u64);
+                    let place = FilePlace::Byte(chunk.start as u64);
                     let reason =
                         format!("the packed points of this chunk cannot be unpacked: {reason}");
                     return Err(boxed(job.syntax(place, reason)));
@@ -272,7 +272,7 @@ impl PackedChunks {
 
 /// Unpacks chunks in parallel, and keeps their order.
 fn read_chunks(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     points: &PackedPoints<'_>,
     chunks: &[LazChunk],
     sink: &mut PointSink,
@@ -299,7 +299,7 @@ fn read_chunks(
         job.report(batch.last().map_or(0, |chunk| chunk.end))?;
         for (chunk, unpacked) in batch.iter().zip(unpacked) {
             if let Some(reason) = unpacked.failure {
-                let place = Place::Byte(chunk.start as u64);
+                let place = FilePlace::Byte(chunk.start as u64);
                 let reason =
                     format!("the packed points of this chunk cannot be unpacked: {reason}");
                 return Err(job.syntax(place, reason));
@@ -315,7 +315,7 @@ fn read_chunks(
 
 /// Unpacks chunk after chunk where no table tells their ends; ends where the bytes do.
 fn read_in_order(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     points: &PackedPoints<'_>,
     header: &LasHeader,
     chunk_points: u64,

@@ -2,9 +2,9 @@
 
 use glam::{DQuat, DVec3};
 
-use super::super::super::job::{Job, at_line};
-use super::super::super::text::{Scanner, parse_f64, parse_i64, shown, words};
-use super::super::super::{Error, Place};
+use super::super::super::job::{ReadJob, at_line};
+use super::super::super::text::{TextScanner, parse_f64, parse_i64, shown, words};
+use super::super::super::{Error, FilePlace};
 
 /// A header longer than this is none.
 const LONGEST_HEADER: usize = 1 << 16;
@@ -51,9 +51,9 @@ pub(super) struct PcdHeader {
 }
 
 impl PcdHeader {
-    pub(super) fn parse(job: &Job<'_>, data: &[u8]) -> Result<PcdHeader, Error> {
+    pub(super) fn parse(job: &ReadJob<'_>, data: &[u8]) -> Result<PcdHeader, Error> {
         let head = &data[..data.len().min(LONGEST_HEADER)];
-        let mut scanner = Scanner::new(head, 0);
+        let mut scanner = TextScanner::new(head, 0);
         let mut header = PcdHeader {
             fields: Vec::new(),
             points: 0,
@@ -177,7 +177,7 @@ impl PcdHeader {
         }
         if header.row_words > MOST_VALUES {
             let reason = format!("a point has {} numbers", header.row_words);
-            return Err(job.syntax(Place::Line(1), reason));
+            return Err(job.syntax(FilePlace::Line(1), reason));
         }
         Ok(header)
     }

@@ -11,12 +11,12 @@ use rayon::prelude::*;
 
 use self::header::{PcdEncoding, PcdField, PcdHeader};
 use self::lzf::unpack_lzf;
-use super::super::assemble::Raw;
+use super::super::assemble::RawMesh;
 use super::super::color::ColorRange;
-use super::super::job::{Job, at_line};
+use super::super::job::{ReadJob, at_line};
 use super::super::part::PartFate;
-use super::super::text::{Scanner, parse_f64, words};
-use super::super::{Error, Format, Place, Warning};
+use super::super::text::{TextScanner, parse_f64, words};
+use super::super::{Error, FilePlace, Format, ReadWarning};
 use super::roles::{ColumnRole, kind_of, role_of_name};
 use super::sink::{CloudSink, TableBlock};
 use super::{bytes_at, check_unpacked};
@@ -67,7 +67,10 @@ fn decode(data: &[u8], at: usize, size: usize, letter: u8) -> f64 {
 }
 
 /// Reads a PCD file.
-pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(
+    job: &mut ReadJob<'_>,
+    data: &[u8],
+) -> Result<(Format, RawMesh), Error> {
     let mut header = PcdHeader::parse(job, data)?;
     let mut found = header.points;
     let body: Cow<'_, [u8]> = match header.encoding {
@@ -89,7 +92,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
         found = read_text(job, data, &header, &plan, &mut sink)?;
     } else {
         if found == 0 {
-            return Err(job.truncated(Place::Byte(header.end as u64), "the points"));
+            return Err(job.truncated(FilePlace::Byte(header.end as u64), "the points"));
         }
         let count = found as usize;
         job.check_vertices(found)?;
@@ -106,7 +109,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
         }
     }
     if found != header.points {
-        job.warn(Warning::CountContradicts {
+        job.warn(ReadWarning::CountContradicts {
             what: "points",
             promised: header.points,
             found,
@@ -150,7 +153,7 @@ fn drop_holes(sink: &mut CloudSink) -> u64 {
 }
 
 /// The fields as roles, and the columns that are kept.
-fn plan(job: &Job<'_>, header: &PcdHeader) -> Result<(PcdPlan, Vec<AttributeColumn>), Error> {
+fn plan(job: &ReadJob<'_>, header: &PcdHeader) -> Result<(PcdPlan, Vec<AttributeColumn>), Error> {
     let mut position = [None; 3];
     let mut normal = [None; 3];
     let mut color = [None; 3];
@@ -204,7 +207,7 @@ fn plan(job: &Job<'_>, header: &PcdHeader) -> Result<(PcdPlan, Vec<AttributeColu
     }
     let all = |[a, b, c]: [Option<PcdSource>; 3]| Some([a?, b?, c?]);
     let Some(position) = all(position) else {
-        return Err(job.syntax(Place::Line(1), "the header has no fields x, y and z"));
+        return Err(job.syntax(FilePlace::Line(1), "the header has no fields x, y and z"));
     };
     let plan = PcdPlan {
         position,
@@ -293,13 +296,13 @@ impl PcdPlan {
 
 /// Reads rows of text until the promised number or the end; returns how many there are.
 fn read_text(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     header: &PcdHeader,
     plan: &PcdPlan,
     sink: &mut CloudSink,
 ) -> Result<u64, Error> {
-    let mut scanner = Scanner::new(data, header.end);
+    let mut scanner = TextScanner::new(data, header.end);
     let mut found = 0;
     let mut numbers = Vec::new();
     let mut row_words: Vec<&[u8]> = Vec::new();
@@ -361,8 +364,8 @@ impl PcdPlan {
 }
 
 /// The unpacked points of `binary_compressed`: two lengths, then LZF.
-fn unpacked_body(job: &Job<'_>, data: &[u8], header: &PcdHeader) -> Result<Vec<u8>, Error> {
-    let place = Place::Byte(header.end as u64);
+fn unpacked_body(job: &ReadJob<'_>, data: &[u8], header: &PcdHeader) -> Result<Vec<u8>, Error> {
+    let place = FilePlace::Byte(header.end as u64);
     let body = &data[header.end..];
     let packed = u32::from_le_bytes(bytes_at(body, 0)) as usize;
     let stated = u64::from(u32::from_le_bytes(bytes_at(body, 4)));

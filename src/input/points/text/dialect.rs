@@ -1,6 +1,6 @@
 //! How a text writes its points: separator, decimal mark, columns.
 
-use super::super::super::text::{Scanner, parse_f64};
+use super::super::super::text::{TextScanner, parse_f64};
 use super::super::roles::{ColumnRole, role_of_name};
 
 /// Lines looked at, and bytes they may have together.
@@ -49,7 +49,7 @@ impl TextDialect {
     /// Decides by the first lines of a text. Columns are empty where no line has three numbers.
     pub(super) fn sniff(data: &[u8]) -> Self {
         let head = &data[..data.len().min(SNIFF_BYTES)];
-        let mut scanner = Scanner::new(head, 0);
+        let mut scanner = TextScanner::new(head, 0);
         let mut lines = Vec::new();
         while lines.len() < SNIFF_LINES
             && let Some((line, start)) = scanner.line()

@@ -10,13 +10,13 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use self::dialect::{LineKind, TextDialect};
-use super::super::assemble::Raw;
+use super::super::assemble::RawMesh;
 use super::super::color::ColorRange;
-use super::super::job::Job;
+use super::super::job::ReadJob;
 use super::super::job::at_line;
-use super::super::part::{Fault, PartFate};
-use super::super::text::Scanner;
-use super::super::{Error, Format, Warning};
+use super::super::part::{PartFate, PartFault};
+use super::super::text::TextScanner;
+use super::super::{Error, Format, ReadWarning};
 use super::roles::{ColumnRole, kind_of};
 use super::sink::{CloudSink, TableBlock};
 use crate::mesh::attributes::{AttributeColumn, AttributeValues, NumberType};
@@ -69,7 +69,10 @@ impl ScanPose {
 }
 
 /// Reads a cloud of text.
-pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+pub(in super::super) fn read(
+    job: &mut ReadJob<'_>,
+    data: &[u8],
+) -> Result<(Format, RawMesh), Error> {
     let is_ptx = ptx_head(data, 0).is_some();
     let start = match ptx_head(data, 0) {
         Some(head) => head.points_at,
@@ -80,7 +83,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
         dialect.name_as_ptx();
     }
     let plan = plan(job, dialect, is_ptx)?;
-    job.warn(Warning::ColumnsDecided {
+    job.warn(ReadWarning::ColumnsDecided {
         columns: plan.dialect.words(),
     });
     let column = |&at: &usize| {
@@ -117,7 +120,9 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
     let first = state.first_bad.unwrap_or(0);
     if state.bad_lines > 0 {
         job.inventory
-            .fault(Fault::POINT_LINE, state.bad_lines, || at_line(data, first));
+            .fault(PartFault::POINT_LINE, state.bad_lines, || {
+                at_line(data, first)
+            });
     }
     sink.points = sink.positions.len() as u64 + state.holes;
     sink.holes = state.holes;
@@ -148,13 +153,13 @@ struct ReadState {
 }
 
 /// Where everything is, by the roles of the columns.
-fn plan(job: &Job<'_>, dialect: TextDialect, is_ptx: bool) -> Result<TextPlan, Error> {
+fn plan(job: &ReadJob<'_>, dialect: TextDialect, is_ptx: bool) -> Result<TextPlan, Error> {
     let find = |wanted: &ColumnRole| dialect.columns.iter().position(|role| role == wanted);
     let three =
         |role: fn(usize) -> ColumnRole| Some([find(&role(0))?, find(&role(1))?, find(&role(2))?]);
     let Some(position) = three(ColumnRole::Position) else {
         return Err(job.syntax(
-            super::super::Place::Line(1),
+            super::super::FilePlace::Line(1),
             "no line of three numbers was found in the first 64 lines",
         ));
     };
@@ -172,7 +177,7 @@ fn plan(job: &Job<'_>, dialect: TextDialect, is_ptx: bool) -> Result<TextPlan, E
 
 /// Reads the lines of a part of the data in parallel, keeping their order.
 fn read_lines(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     part: std::ops::Range<usize>,
     plan: &TextPlan,
@@ -213,7 +218,7 @@ impl TextPlan {
     /// The points of a piece of whole lines.
     fn block(&self, data: &[u8], piece: std::ops::Range<usize>, pose: ScanPose) -> TextBlock {
         let mut out = TextBlock::default();
-        let mut scanner = Scanner::new(&data[..piece.end], piece.start);
+        let mut scanner = TextScanner::new(&data[..piece.end], piece.start);
         let wanted = self.dialect.columns.len();
         let mut numbers = Vec::with_capacity(wanted + 1);
         let mut columns = vec![Vec::new(); self.attributes.len()];
@@ -265,7 +270,7 @@ struct PtxHead {
 /// The head that begins at `at`; `None` where none does.
 fn ptx_head(data: &[u8], at: usize) -> Option<PtxHead> {
     let end = data.len().min(at + 4096);
-    let mut scanner = Scanner::new(&data[..end], at);
+    let mut scanner = TextScanner::new(&data[..end], at);
     let mut rows: Vec<Vec<f64>> = Vec::new();
     while rows.len() < PTX_HEAD {
         let (line, _) = scanner.line()?;
@@ -292,7 +297,7 @@ fn ptx_head(data: &[u8], at: usize) -> Option<PtxHead> {
 
 /// Reads scan after scan. One that promises more lines than are left is read as far as it goes.
 fn read_ptx(
-    job: &mut Job<'_>,
+    job: &mut ReadJob<'_>,
     data: &[u8],
     plan: &TextPlan,
     sink: &mut CloudSink,
@@ -318,7 +323,7 @@ fn read_ptx(
         read_lines(job, data, head.points_at..end, plan, pose, sink, state)?;
         let found = sink.positions.len() as u64 + state.holes + state.bad_lines - before;
         if found < head.points {
-            job.warn(Warning::CountContradicts {
+            job.warn(ReadWarning::CountContradicts {
                 what: "points of a scan",
                 promised: head.points,
                 found,
@@ -327,6 +332,6 @@ fn read_ptx(
         at = end;
     }
     let rest = data[at..].trim_ascii().len() as u64;
-    job.warn_count(rest, |bytes| Warning::TrailingBytes { bytes });
+    job.warn_count(rest, |bytes| ReadWarning::TrailingBytes { bytes });
     Ok(())
 }

@@ -6,7 +6,7 @@ use crate::abi::constants::{
 use crate::render::cpu::filtered::splat_block::{
     BLOCK, Block, LANES, ROW, SetLanes, columns, of_rows, part,
 };
-use crate::render::cpu::filtered::{Band, Canvas};
+use crate::render::cpu::filtered::{FilteredBand, PictureArea};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x16, i32x16, mask32x16, u32x4, u32x16, u64x8};
 
@@ -15,8 +15,8 @@ use fearless_simd::{f32x4, f32x16, i32x16, mask32x16, u32x4, u32x16, u64x8};
 pub(super) fn draw<S: Simd, const GRAY: bool>(
     simd: S,
     block: &Block<'_>,
-    canvas: &Canvas,
-    band: &mut Band<'_>,
+    canvas: &PictureArea,
+    band: &mut FilteredBand<'_>,
 ) {
     let [x, y, _, side] = part(simd, block, 0);
     let [depth, area, wide, high] = part(simd, block, 4);
@@ -47,15 +47,15 @@ pub(super) fn draw<S: Simd, const GRAY: bool>(
     let is_short = columns.simd_le(ROW as f32)
         & rows.simd_le(ROW as f32)
         & last.simd_le(band.front.len() as i32 - ROW as i32);
-    let across = Axis::new(simd, low_x + 0.5 - x, wide, columns);
-    let down = Axis::new(simd, low_y + 0.5 - y, high, rows);
+    let across = AxisOverlaps::new(simd, low_x + 0.5 - x, wide, columns);
+    let down = AxisOverlaps::new(simd, low_y + 0.5 - y, high, rows);
     let (across_four, down_four) = (across.with_four(simd), down.with_four(simd));
     let at = at.to_array();
     let depth: [u32; BLOCK] = depth.to_bits().to_array();
     let density = (area / (wide * high)).to_array();
     let row_count = rows_whole.to_array();
     for lane in SetLanes((is_drawn & is_short).to_bitmask()) {
-        let splat = Splat {
+        let splat = BlendedSplat {
             depth: depth[lane],
             density: density[lane],
             color: &block[lane].color,
@@ -75,7 +75,7 @@ pub(super) fn draw<S: Simd, const GRAY: bool>(
     }
     let (across, down) = (across.lines(), down.lines());
     for lane in SetLanes(is_long) {
-        let splat = Splat {
+        let splat = BlendedSplat {
             depth: depth[lane],
             density: density[lane],
             color: &block[lane].color,
@@ -100,7 +100,7 @@ fn clamped<S: Simd>(v: f32x16<S>, least: f32, most: f32) -> f32x16<S> {
 
 /// The overlaps of splats with pixels along one axis.
 #[derive(Clone, Copy)]
-struct Axis<S: Simd> {
+struct AxisOverlaps<S: Simd> {
     /// From the center to that of the first pixel.
     from: f32x16<S>,
     /// From where on there is none.
@@ -110,7 +110,7 @@ struct Axis<S: Simd> {
     count: f32x16<S>,
 }
 
-impl<S: Simd> Axis<S> {
+impl<S: Simd> AxisOverlaps<S> {
     #[inline(always)]
     fn new(simd: S, from: f32x16<S>, extent: f32x16<S>, count: f32x16<S>) -> Self {
         Self {
@@ -121,7 +121,7 @@ impl<S: Simd> Axis<S> {
         }
     }
 
-    /// Those with the first four pixels, splat by splat; 0 beyond the last pixel.
+    /// Overlaps with the first four pixels, splat by splat; 0 beyond the last pixel.
     #[inline(always)]
     fn with_four(&self, simd: S) -> [[f32; ROW]; BLOCK] {
         let mut all = [[0.0; ROW]; BLOCK];
@@ -138,7 +138,7 @@ impl<S: Simd> Axis<S> {
         all
     }
 
-    /// That with one pixel.
+    /// Overlap with one pixel.
     #[inline(always)]
     fn with(&self, simd: S, pixel: f32) -> f32x16<S> {
         let zero = f32x16::splat(simd, 0.0);
@@ -147,10 +147,10 @@ impl<S: Simd> Axis<S> {
         self.count.simd_gt(pixel).select(overlap, zero)
     }
 
-    fn lines(&self) -> [Line; BLOCK] {
+    fn lines(&self) -> [SplatAxis; BLOCK] {
         let (from, reach) = (self.from.to_array(), self.reach.to_array());
         let (most, count) = (self.most.to_array(), self.count.to_array());
-        std::array::from_fn(|lane| Line {
+        std::array::from_fn(|lane| SplatAxis {
             from: from[lane],
             reach: reach[lane],
             most: most[lane],
@@ -159,16 +159,16 @@ impl<S: Simd> Axis<S> {
     }
 }
 
-/// An [`Axis`] of one splat.
+/// An [`AxisOverlaps`] of one splat.
 #[derive(Clone, Copy)]
-struct Line {
+struct SplatAxis {
     from: f32,
     reach: f32,
     most: f32,
     count: usize,
 }
 
-impl Line {
+impl SplatAxis {
     /// The overlaps with four pixels from one on; 0 beyond the last, which may be that of the canvas.
     #[inline(always)]
     fn with_four<S: Simd>(&self, simd: S, first: usize) -> f32x4<S> {
@@ -183,7 +183,7 @@ impl Line {
 }
 
 /// What a splat leaves where it is seen.
-struct Splat<'a> {
+struct BlendedSplat<'a> {
     /// Bits of its depth.
     depth: u32,
     /// Area over that of the rectangle.
@@ -191,7 +191,7 @@ struct Splat<'a> {
     color: &'a [f32; 3],
 }
 
-impl Splat<'_> {
+impl BlendedSplat<'_> {
     /// In four pixels of each of four rows, which begin at these places and all lie in the band.
     #[inline(always)]
     fn in_rows<S: Simd, const GRAY: bool>(
@@ -200,7 +200,7 @@ impl Splat<'_> {
         across: f32x4<S>,
         down: &[f32; ROW],
         rows: [usize; ROW],
-        band: &mut Band<'_>,
+        band: &mut FilteredBand<'_>,
     ) {
         let down = of_rows([
             f32x4::splat(simd, down[0]),
@@ -249,10 +249,10 @@ impl Splat<'_> {
     fn in_many<S: Simd, const GRAY: bool>(
         &self,
         simd: S,
-        (across, down): (Line, Line),
+        (across, down): (SplatAxis, SplatAxis),
         at: usize,
         width: usize,
-        band: &mut Band<'_>,
+        band: &mut FilteredBand<'_>,
     ) {
         for first in (0..across.count).step_by(ROW) {
             let weights = across.with_four(simd, first);
@@ -281,7 +281,7 @@ impl Splat<'_> {
         simd: S,
         overlaps: &[f32; ROW],
         at: usize,
-        band: &mut Band<'_>,
+        band: &mut FilteredBand<'_>,
     ) {
         let words = if GRAY { 2 } else { 4 };
         let front = band.front[at..].iter();
@@ -305,7 +305,7 @@ impl Splat<'_> {
     }
 }
 
-impl Band<'_> {
+impl FilteredBand<'_> {
     /// The nearest depths of four pixels from a place on, all of which are there.
     #[inline(always)]
     fn front_of<S: Simd>(&self, simd: S, at: usize) -> u32x4<S> {

@@ -2,13 +2,18 @@
 
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::render::cpu::filtered::splat_block::{BLOCK, Block, LANES, ROW, SetLanes, part};
-use crate::render::cpu::filtered::{Band, Canvas};
+use crate::render::cpu::filtered::{FilteredBand, PictureArea};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x16, i32x16, u32x4};
 
 /// Leaves the pushed depths of a block of splats in the pixels of their squares.
 #[inline(always)]
-pub(super) fn draw<S: Simd>(simd: S, block: &Block<'_>, canvas: &Canvas, band: &mut Band<'_>) {
+pub(super) fn draw<S: Simd>(
+    simd: S,
+    block: &Block<'_>,
+    canvas: &PictureArea,
+    band: &mut FilteredBand<'_>,
+) {
     let [x, y, pushed, own_side] = part(simd, block, 0);
     let [left, top, right, bottom] = canvas.rect_px;
     let side = own_side.max(f32x16::splat(simd, 1.0));

@@ -4,16 +4,20 @@ use crate::abi::FilteredSplat;
 use crate::abi::constants::{
     COARSE_STEPS, FINE_STEPS, LARGEST_SMALL_BLENDED_PX, LEAST_COARSE, MOST_WEIGHT,
 };
-use crate::render::cpu::filtered::{Band, Canvas};
+use crate::render::cpu::filtered::{FilteredBand, PictureArea};
 use std::ops::Range;
 
-/// Whether a splat is drawn here.
+/// Tells whether a splat is drawn here.
 fn is_large(splat: &FilteredSplat) -> bool {
     splat.side_px > LARGEST_SMALL_BLENDED_PX
 }
 
 /// Leaves the pushed depths of the large ones of some splats in the pixels of their squares.
-pub(super) fn leave_depths(splats: &[FilteredSplat], canvas: &Canvas, band: &mut Band<'_>) {
+pub(super) fn leave_depths(
+    splats: &[FilteredSplat],
+    canvas: &PictureArea,
+    band: &mut FilteredBand<'_>,
+) {
     let [left, _, right, _] = canvas.rect_px;
     for splat in splats.iter().filter(|splat| is_large(splat)) {
         let depth = splat.pushed_depth.to_bits();
@@ -28,7 +32,7 @@ pub(super) fn leave_depths(splats: &[FilteredSplat], canvas: &Canvas, band: &mut
 }
 
 /// Adds the deposits of the large ones of some splats where nothing hides them.
-pub(super) fn blend(splats: &[FilteredSplat], canvas: &Canvas, band: &mut Band<'_>) {
+pub(super) fn blend(splats: &[FilteredSplat], canvas: &PictureArea, band: &mut FilteredBand<'_>) {
     let [left, _, right, _] = canvas.rect_px;
     for splat in splats.iter().filter(|splat| is_large(splat)) {
         let window = splat
@@ -82,7 +86,7 @@ fn overlap(pixel: u32, window: f32, extent: f32) -> f32 {
 }
 
 /// Adds a color with a weight to the sums of a pixel.
-fn deposit(canvas: &Canvas, sums: &mut [u64], color: [f32; 3], weight: f32) {
+fn deposit(canvas: &PictureArea, sums: &mut [u64], color: [f32; 3], weight: f32) {
     let weight = weight.min(MOST_WEIGHT);
     let is_fine = weight < LEAST_COARSE;
     let steps = weight * if is_fine { FINE_STEPS } else { COARSE_STEPS };

@@ -7,7 +7,7 @@ use crate::abi::constants::{
     FLAG_ORTHOGRAPHIC, LEAST_FILTERED_COVERAGE,
 };
 use crate::pack::parallel;
-use crate::render::cpu::filtered::Canvas;
+use crate::render::cpu::filtered::PictureArea;
 use crate::render::cpu::float_planes::word_of;
 use fearless_simd::{Level, Simd, dispatch};
 use glam::{Vec3, Vec4};
@@ -94,7 +94,7 @@ struct PassResults<'a> {
 
 /// A pixel of a picture that sums become.
 pub(crate) trait NormalizedPixel: Copy + Send {
-    /// That of a color with its coverage.
+    /// Pixel of a color with its coverage.
     fn of(color: Vec4) -> Self;
 }
 
@@ -129,7 +129,7 @@ pub(crate) struct NormalizedPicture<'a, P> {
 /// # Panics
 /// When the picture, `front` or `sums` is smaller than the canvas.
 pub(crate) fn normalize<P: NormalizedPixel>(
-    canvas: Canvas,
+    canvas: PictureArea,
     params: &NormalizeParams,
     front: &[u32],
     sums: &[u64],

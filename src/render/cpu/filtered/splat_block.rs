@@ -31,7 +31,7 @@ pub(super) type Block<'a> = [&'a FilteredSplat; BLOCK];
 /// Splats of one group overlap. Drawn one after the other, each would read pixels of which some were just stored by
 /// one store and some by another, and the processor waits until both have left for the cache. So neighbors of a block are
 /// as far from one another as groups go.
-pub(super) struct Blocks<'a> {
+pub(super) struct SplatBlocks<'a> {
     groups: &'a [&'a [FilteredSplat]],
     /// How many groups lie from one to the next of a block.
     apart: usize,
@@ -43,7 +43,7 @@ pub(super) struct Blocks<'a> {
     longest: usize,
 }
 
-impl<'a> Blocks<'a> {
+impl<'a> SplatBlocks<'a> {
     #[inline(always)]
     pub(super) fn of(groups: &'a [&'a [FilteredSplat]]) -> Self {
         let mut blocks = Self {

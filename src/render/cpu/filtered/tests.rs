@@ -6,7 +6,7 @@ use crate::pack::for_tests::levels;
 use crate::render::cpu::filtered::*;
 
 /// What should be there after `splats`, by the rules of the shaders: front and sums.
-fn expected(splats: &[FilteredSplat], canvas: Canvas) -> (Vec<u32>, Vec<u64>) {
+fn expected(splats: &[FilteredSplat], canvas: PictureArea) -> (Vec<u32>, Vec<u64>) {
     let [left, top, right, bottom] = canvas.rect_px;
     let pixels: Vec<[u32; 2]> = (top..bottom)
         .flat_map(|y| (left..right).map(move |x| [x, y]))
@@ -131,7 +131,7 @@ fn crowd(count: usize, largest: f32, seed: u64) -> Vec<FilteredSplat> {
 /// Front and sums, by what the processor has or by the least that all have.
 type Drawn = (Vec<u32>, Vec<u64>);
 
-fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
+fn drawn(level: Level, splats: &[FilteredSplat], canvas: PictureArea) -> Drawn {
     // What was there before must not show, and what lies behind must stay.
     let mut front = vec![7; canvas.pixels() + 9];
     let mut sums = vec![7; canvas.pixels() * canvas.words() + 9];
@@ -153,13 +153,13 @@ fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
     others.add(first.len() + 1, second);
     groups.append(others);
     let storage = (&mut front[..], &mut sums[..]);
-    let list = List {
+    let list = DrawnSplats {
         splats: &[GroupedSplats {
             splats: &list,
             groups: &groups,
         }],
         meshes: &[],
-        triangles: &Triangles::default(),
+        triangles: &CutTriangles::default(),
     };
     draw_by(level, list, canvas, storage);
     assert_eq!(front.split_off(canvas.pixels()), [7; 9]);
@@ -185,7 +185,7 @@ fn front_and_sums_are_those_of_the_rules() {
         splats.sort_by(|a, b| a.window_px[1].total_cmp(&b.window_px[1]));
         for rect_px in RECTS {
             for is_gray in [true, false] {
-                let canvas = Canvas { rect_px, is_gray };
+                let canvas = PictureArea { rect_px, is_gray };
                 let (front, sums) = expected(&splats, canvas);
                 let what = format!("{count} of {largest} px in {rect_px:?}, gray {is_gray}");
                 assert!(
@@ -208,7 +208,7 @@ fn neither_order_nor_threads_show() {
     // So many are drawn by several threads.
     let mut splats = crowd(20_000, 4.0, 3);
     for is_gray in [true, false] {
-        let canvas = Canvas {
+        let canvas = PictureArea {
             rect_px: [0, 0, 70, 50],
             is_gray,
         };
@@ -236,7 +236,7 @@ fn large_splats_are_told() {
 
 #[test]
 fn splats_reach_into_the_next_band() {
-    let canvas = Canvas {
+    let canvas = PictureArea {
         rect_px: [0, 0, 24, BAND_PX + 8],
         is_gray: true,
     };

@@ -1,16 +1,16 @@
 //! A band of rows of the picture: what the nearest splat of each of its pixels shows.
 
-use crate::render::cpu::opaque::Picture;
-use crate::render::cpu::opaque::bands::{Placed, SPLAT_BIT};
+use crate::render::cpu::opaque::ShownRectangle;
+use crate::render::cpu::opaque::bands::{PlacedSplats, SPLAT_BIT};
 use crate::render::cpu::opaque::ovals::OvalOutline;
-use crate::render::cpu::opaque::pixel_lists::Found;
-use crate::render::cpu::opaque::splat_bounds::{GROUP, Numbers, Round, both};
+use crate::render::cpu::opaque::pixel_lists::FoundPixels;
+use crate::render::cpu::opaque::splat_bounds::{GROUP, Numbers, RoundPixels, both};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, i32x4, mask32x4};
 
 /// Depth of the nearest of each pixel of a band, and what it shows, kept for its memory.
 #[derive(Debug, Default)]
-pub(super) struct Fronts {
+pub(super) struct BandFronts {
     depth: Vec<f32>,
     shown: Vec<i32>,
 }
@@ -22,25 +22,25 @@ const STEP: usize = 4;
 const WIDE: usize = 16;
 
 /// A band that is drawn in.
-pub(super) struct Band<'a> {
+pub(super) struct DrawnBand<'a> {
     depth: &'a mut [f32],
     shown: &'a mut [i32],
     width: usize,
     /// From a row to the next.
     stride: usize,
-    /// Its first row, and one past its last.
+    /// First row of the band, and one past its last.
     pub(crate) rows: [usize; 2],
 }
 
-impl Fronts {
+impl BandFronts {
     /// An empty band of these rows, of so many pixels each.
-    pub(super) fn band(&mut self, width: usize, rows: [usize; 2]) -> Band<'_> {
+    pub(super) fn band(&mut self, width: usize, rows: [usize; 2]) -> DrawnBand<'_> {
         let stride = width + WIDE;
         let words = stride * (rows[1] - rows[0]);
         self.depth.resize(words, 0.0);
         self.shown.resize(words, 0);
         self.depth.fill(0.0);
-        Band {
+        DrawnBand {
             depth: &mut self.depth,
             shown: &mut self.shown,
             width,
@@ -64,11 +64,11 @@ const LANE: [f32; WIDE] = [
     0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
 ];
 
-impl Band<'_> {
+impl DrawnBand<'_> {
     /// Draws what of a list is in the band. Lists come in the order of their numbers, so of equal depths the first stays. Shown are
     /// the colors of splats, or where these are not known what compute has in its keys, of the number in the list.
     #[inline(always)]
-    pub(super) fn draw<S: Simd>(&mut self, simd: S, list: &Placed<'_>, has_colors: bool) {
+    pub(super) fn draw<S: Simd>(&mut self, simd: S, list: &PlacedSplats<'_>, has_colors: bool) {
         let [first_row, end_row] = self.rows;
         for group in list.groups {
             let [first, end] = group.rows.map(usize::from);
@@ -78,7 +78,7 @@ impl Band<'_> {
             let range = group.first as usize..group.first as usize + usize::from(group.count);
             let number = list.first + group.first;
             let numbers: [i32; GROUP];
-            let pixels = Found {
+            let pixels = FoundPixels {
                 first: &list.pixels.first[range.clone()],
                 end: &list.pixels.end[range.clone()],
                 depth: &list.pixels.depth[range.clone()],
@@ -104,7 +104,7 @@ impl Band<'_> {
 
     /// Squares of a pixel.
     #[inline(always)]
-    fn samples(&mut self, pixels: Found<'_>) {
+    fn samples(&mut self, pixels: FoundPixels<'_>) {
         let [first_row, end_row] = self.rows;
         let own = pixels.first.iter().zip(pixels.depth);
         for ((&first, &depth), &shown) in own.zip(pixels.shown) {
@@ -120,7 +120,7 @@ impl Band<'_> {
     }
 
     #[inline(always)]
-    fn squares<S: Simd>(&mut self, simd: S, pixels: Found<'_>) {
+    fn squares<S: Simd>(&mut self, simd: S, pixels: FoundPixels<'_>) {
         let [first_row, end_row] = self.rows;
         let own = pixels.first.iter().zip(pixels.end).zip(pixels.depth);
         for (((&first, &end), &depth), &shown) in own.zip(pixels.shown) {
@@ -151,7 +151,7 @@ impl Band<'_> {
         &mut self,
         simd: S,
         ([left, top], [right, bottom]): ([usize; 2], [usize; 2]),
-        round: Option<&Round>,
+        round: Option<&RoundPixels>,
         (depth, shown): (f32, i32),
     ) {
         let [first_row, end_row] = self.rows;
@@ -165,7 +165,7 @@ impl Band<'_> {
             let mut x = lanes;
             for _ in (left..right).step_by(step) {
                 let mut is_in = x.simd_lt(end);
-                if let Some(&Round { form, to_first }) = round {
+                if let Some(&RoundPixels { form, to_first }) = round {
                     let from_y = to_first[1] + (y - top) as f32;
                     let from_x = x + to_first[0];
                     let squared = from_x * form * from_x + form * from_y * from_y;
@@ -179,7 +179,7 @@ impl Band<'_> {
     }
 
     #[inline(always)]
-    fn discs<S: Simd>(&mut self, simd: S, pixels: Found<'_>, rounds: &[Round]) {
+    fn discs<S: Simd>(&mut self, simd: S, pixels: FoundPixels<'_>, rounds: &[RoundPixels]) {
         let [first_row, end_row] = self.rows;
         let own = pixels.first.iter().zip(pixels.end).zip(pixels.depth);
         for ((((&first, &end), &depth), round), &shown) in own.zip(rounds).zip(pixels.shown) {
@@ -191,7 +191,7 @@ impl Band<'_> {
             }
             let depth = f32x4::splat(simd, depth);
             let shown = i32x4::splat(simd, shown);
-            let Round { form, to_first } = *round;
+            let RoundPixels { form, to_first } = *round;
             for y in top.max(first_row)..bottom.min(end_row) {
                 let from_y = to_first[1] + (y - top) as f32;
                 let of_y = form * from_y * from_y;
@@ -213,7 +213,7 @@ impl Band<'_> {
 
     /// Discs in the plane of the surface.
     #[inline(always)]
-    fn ovals<S: Simd>(&mut self, simd: S, pixels: Found<'_>, ovals: &[OvalOutline]) {
+    fn ovals<S: Simd>(&mut self, simd: S, pixels: FoundPixels<'_>, ovals: &[OvalOutline]) {
         let [first_row, end_row] = self.rows;
         let step = Numbers::<S>::LEN;
         let lanes = Numbers::<S>::from_slice(simd, &LANE[..step]);
@@ -250,7 +250,7 @@ impl Band<'_> {
         }
     }
 
-    /// Leaves depth and what is shown as [`Band::leave`] does, in as many pixels as the widest vector has.
+    /// Leaves depth and what is shown as [`DrawnBand::leave`] does, in as many pixels as the widest vector has.
     #[inline(always)]
     fn leave_wide<S: Simd>(
         &mut self,
@@ -292,7 +292,7 @@ impl Band<'_> {
     }
 
     /// Begins with what a picture of the band shows.
-    pub(super) fn read(&mut self, picture: &mut Picture<'_>) {
+    pub(super) fn read(&mut self, picture: &mut ShownRectangle<'_>) {
         let own = self.depth.chunks_mut(self.stride);
         let own = own.zip(self.shown.chunks_mut(self.stride));
         for ((shown, depths), (own_depths, own_shown)) in picture.rows(self.width).zip(own) {
@@ -303,7 +303,7 @@ impl Band<'_> {
 
     /// What the pixels show, row by row, and `background` where nothing is.
     #[inline(always)]
-    pub(super) fn write<S: Simd>(&self, _: S, background: u32, picture: &mut Picture<'_>) {
+    pub(super) fn write<S: Simd>(&self, _: S, background: u32, picture: &mut ShownRectangle<'_>) {
         let own = self.depth.chunks(self.stride);
         let own = own.zip(self.shown.chunks(self.stride));
         for ((shown, depths), (own_depths, own_shown)) in picture.rows(self.width).zip(own) {

@@ -3,12 +3,12 @@
 use crate::abi::Splat;
 use crate::pack::Footprint;
 use crate::pack::parallel;
-use crate::render::cpu::opaque::band_raster::Fronts;
+use crate::render::cpu::opaque::band_raster::BandFronts;
 use crate::render::cpu::opaque::ovals::OvalOutline;
-use crate::render::cpu::opaque::pixel_lists::{Finding, Found, Pixels};
+use crate::render::cpu::opaque::pixel_lists::{FoundPixels, PixelSearch, SplatPixels};
 use crate::render::cpu::opaque::splat_bounds;
-use crate::render::cpu::opaque::splat_bounds::{GROUP, Group, Round};
-use crate::render::cpu::opaque::{Frame, Look, Picture, Source};
+use crate::render::cpu::opaque::splat_bounds::{GROUP, NearSplats, RoundPixels};
+use crate::render::cpu::opaque::{Frame, ListedSplats, ShownRectangle, SplatShape};
 use fearless_simd::{Level, dispatch};
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -20,35 +20,35 @@ pub(super) const SPLAT_BIT: u32 = 1 << 31;
 
 /// Where splats are, and which of them are seen; kept from frame to frame for its memory.
 #[derive(Debug, Default)]
-pub struct Places {
-    pub(super) pixels: Pixels,
-    rounds: Vec<Round>,
+pub struct SplatPlaces {
+    pub(super) pixels: SplatPixels,
+    rounds: Vec<RoundPixels>,
     ovals: Vec<OvalOutline>,
-    groups: Vec<Group>,
+    groups: Vec<NearSplats>,
     pub(super) seen: Vec<AtomicU8>,
-    bands: Vec<Fronts>,
+    bands: Vec<BandFronts>,
 }
 
 /// Splats of one look, and where they are.
-pub(super) struct Placed<'a> {
+pub(super) struct PlacedSplats<'a> {
     /// Number of the first in the list.
     pub(super) first: u32,
-    pub(super) pixels: Found<'a>,
+    pub(super) pixels: FoundPixels<'a>,
     /// Outlines of discs that face the viewer; empty for other splats.
-    pub(super) rounds: &'a [Round],
+    pub(super) rounds: &'a [RoundPixels],
     /// Outlines of discs in the plane of the surface; empty for other splats.
     pub(super) ovals: &'a [OvalOutline],
-    pub(super) groups: &'a [Group],
+    pub(super) groups: &'a [NearSplats],
     /// All are squares of a pixel.
     pub(super) are_samples: bool,
 }
 
 /// Parts of what is drawn, each with its number of splats, all of one look; and the squares of a pixel that come after them.
-pub(super) type List<'a> = (Vec<(Source<'a>, usize)>, Look, &'a [Splat]);
+pub(super) type List<'a> = (Vec<(ListedSplats<'a>, usize)>, SplatShape, &'a [Splat]);
 
 /// What is known before anything is drawn.
 #[derive(Clone, Copy)]
-pub(super) enum Known {
+pub(super) enum KnownSplats {
     /// Where splats are. Instead of a color pixels get what compute has in its keys, of the number in the list, and which
     /// splats are seen is marked.
     Places,
@@ -63,19 +63,19 @@ pub(super) fn draw_by(
     level: Level,
     (own, look, sampled): List<'_>,
     (screen, light): Frame<'_>,
-    known: Known,
-    (places, picture): (&mut Places, Picture<'_>),
+    known: KnownSplats,
+    (places, picture): (&mut SplatPlaces, ShownRectangle<'_>),
 ) {
     let own_count: usize = own.iter().map(|part| part.1).sum();
     let count = own_count + sampled.len();
     let sampled = sampled.chunks(parallel::PART);
     let sampled: Vec<_> = sampled
         .map(|part| match known {
-            Known::Numbers => (Source::Places(part), part.len()),
-            _ => (Source::List(part), part.len()),
+            KnownSplats::Numbers => (ListedSplats::Places(part), part.len()),
+            _ => (ListedSplats::List(part), part.len()),
         })
         .collect();
-    let groups_of = |parts: &[(Source<'_>, usize)]| -> usize {
+    let groups_of = |parts: &[(ListedSplats<'_>, usize)]| -> usize {
         parts.iter().map(|part| part.1.div_ceil(GROUP)).sum()
     };
     let own_groups = groups_of(&own);
@@ -84,7 +84,7 @@ pub(super) fn draw_by(
     let mut pixels = places.pixels.first(count);
     places
         .groups
-        .resize(group_count.max(places.groups.len()), Group::default());
+        .resize(group_count.max(places.groups.len()), NearSplats::default());
     let [round_count, oval_count] =
         [Footprint::Circle, Footprint::Oriented].map(|own| match look.footprint == own {
             true => own_count,
@@ -92,7 +92,7 @@ pub(super) fn draw_by(
         });
     places
         .rounds
-        .resize(round_count.max(places.rounds.len()), Round::default());
+        .resize(round_count.max(places.rounds.len()), RoundPixels::default());
     places
         .ovals
         .resize(oval_count.max(places.ovals.len()), OvalOutline::default());
@@ -108,7 +108,7 @@ pub(super) fn draw_by(
     let own_ovals = &mut places.ovals[..oval_count];
     let is_one_pixel =
         look.footprint == Footprint::Square && look.has_one_size && screen.size_px <= 1.0;
-    let of_samples = Look {
+    let of_samples = SplatShape {
         footprint: Footprint::Square,
         has_one_size: true,
     };
@@ -125,7 +125,7 @@ pub(super) fn draw_by(
         (&mut sampled_pixels, (&mut [], &mut []), sampled_group),
     );
     let lists = [
-        Placed {
+        PlacedSplats {
             first: 0,
             pixels: own_pixels.found(),
             rounds: own_rounds,
@@ -133,7 +133,7 @@ pub(super) fn draw_by(
             groups: own_group,
             are_samples: is_one_pixel,
         },
-        Placed {
+        PlacedSplats {
             first: own_count as u32,
             pixels: sampled_pixels.found(),
             rounds: &[],
@@ -148,9 +148,9 @@ pub(super) fn draw_by(
         return;
     }
     let bands = picture.bands(screen);
-    places.bands.resize_with(bands.len(), Fronts::default);
+    places.bands.resize_with(bands.len(), BandFronts::default);
     let bands = bands.enumerate().zip(&mut places.bands);
-    let has_colors = matches!(known, Known::Colors);
+    let has_colors = matches!(known, KnownSplats::Colors);
     parallel::share(count, bands, |((number, mut picture), fronts)| {
         let first_row = number * BAND_PX;
         let rows = picture.depths.len() / width;
@@ -164,14 +164,14 @@ pub(super) fn draw_by(
             }
             band.write(simd, light.background, &mut picture);
         });
-        if matches!(known, Known::Places) {
+        if matches!(known, KnownSplats::Places) {
             mark(&picture, width, seen);
         }
     });
 }
 
 /// Marks those of the first splats of a list that are the nearest somewhere.
-fn mark(picture: &Picture<'_>, width: usize, seen: &[AtomicU8]) {
+fn mark(picture: &ShownRectangle<'_>, width: usize, seen: &[AtomicU8]) {
     let mut last = u32::MAX;
     // Colors are covered, so they have the bit that keys have not.
     for &color in picture
@@ -190,7 +190,7 @@ fn mark(picture: &Picture<'_>, width: usize, seen: &[AtomicU8]) {
 
 /// Outlines of splats: those of discs that face the viewer, and those of discs in the plane of the surface. Each is empty for
 /// other splats.
-pub(super) type Outlines<'a> = (&'a mut [Round], &'a mut [OvalOutline]);
+pub(super) type Outlines<'a> = (&'a mut [RoundPixels], &'a mut [OvalOutline]);
 
 /// Splits the first `count` items off a list.
 fn first_of<'a, T>(count: usize, list: &mut &'a mut [T]) -> (&'a mut [T], &'a mut [T]) {
@@ -201,8 +201,12 @@ fn first_of<'a, T>(count: usize, list: &mut &'a mut [T]) -> (&'a mut [T], &'a mu
 fn place_all(
     level: Level,
     frame: Frame<'_>,
-    (parts, look, is_one_pixel): (Vec<(Source<'_>, usize)>, Look, bool),
-    (pixels, (mut rounds, mut ovals), mut groups): (&mut Finding<'_>, Outlines<'_>, &mut [Group]),
+    (parts, look, is_one_pixel): (Vec<(ListedSplats<'_>, usize)>, SplatShape, bool),
+    (pixels, (mut rounds, mut ovals), mut groups): (
+        &mut PixelSearch<'_>,
+        Outlines<'_>,
+        &mut [NearSplats],
+    ),
 ) {
     let mut rest = pixels.again();
     let mut count = 0;

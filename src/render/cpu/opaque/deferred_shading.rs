@@ -2,8 +2,8 @@
 
 use crate::cut::StripRun;
 use crate::pack::parallel;
-use crate::pack::splats::{Named, Out, Part, Writer};
-use crate::render::cpu::opaque::headlight::{Light, Surfaces};
+use crate::pack::splats::{NumberedSplat, PackedPart, SplatOutput, SplatWriter};
+use crate::render::cpu::opaque::headlight::{BlockSurfaces, FrameHeadlight};
 use crate::render::cpu::opaque::splat_bounds::{BLOCK, Row};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
@@ -12,8 +12,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 /// Splats of a cut that one thread looks at, and what writes them.
 #[derive(Clone, Copy)]
 pub(super) struct WrittenPart<'a> {
-    pub(super) writer: &'a Writer<'a>,
-    pub(super) part: Part<'a>,
+    pub(super) writer: &'a SplatWriter<'a>,
+    pub(super) part: PackedPart<'a>,
     /// Most splats that it has.
     pub(super) count: usize,
 }
@@ -23,23 +23,23 @@ fn is_marked(seen: &AtomicU8) -> bool {
 }
 
 /// Shades splats block by block; their colors go to places of a list.
-struct Shader<'a, P> {
+struct BlockShader<'a, P> {
     level: Level,
-    light: &'a Light,
+    light: &'a FrameHeadlight,
     places: P,
     colors: &'a mut [i32],
     len: usize,
     /// Of a block.
     own_places: [usize; BLOCK],
     centers: [Row; 3],
-    surfaces: Surfaces,
+    surfaces: BlockSurfaces,
 }
 
-impl<P: Iterator<Item = usize>> Out for Shader<'_, P> {
+impl<P: Iterator<Item = usize>> SplatOutput for BlockShader<'_, P> {
     const HAS_THICKNESS: bool = false;
 
     #[inline(always)]
-    fn point(&mut self, named: &Named) {
+    fn point(&mut self, named: &NumberedSplat) {
         let splat = &named.splat;
         let Some(place) = self.places.next() else {
             return;
@@ -56,12 +56,12 @@ impl<P: Iterator<Item = usize>> Out for Shader<'_, P> {
     }
 
     #[inline(always)]
-    fn quad(&mut self, named: &Named) {
+    fn quad(&mut self, named: &NumberedSplat) {
         self.point(named);
     }
 }
 
-impl<P> Shader<'_, P> {
+impl<P> BlockShader<'_, P> {
     #[inline(never)]
     fn flush(&mut self) {
         let mut colors = [0; BLOCK];
@@ -83,7 +83,7 @@ impl<P> Shader<'_, P> {
 /// Finds the colors of the splats of all parts that are marked, each to its own place. All that are marked have an area.
 pub(super) fn shade(
     level: Level,
-    light: &Light,
+    light: &FrameHeadlight,
     parts: Vec<WrittenPart<'_>>,
     mut seen: &[AtomicU8],
     mut colors: &mut [i32],
@@ -107,7 +107,7 @@ pub(super) fn shade(
     parallel::share(all, jobs.into_iter(), |((writer, part), seen, colors)| {
         let places = seen.iter().enumerate();
         let places = places.filter(|(_, seen)| is_marked(seen));
-        let mut shader = Shader {
+        let mut shader = BlockShader {
             level,
             light,
             places: places.map(|(place, _)| place),
@@ -115,7 +115,7 @@ pub(super) fn shade(
             len: 0,
             own_places: [0; BLOCK],
             centers: [[0.0; BLOCK]; 3],
-            surfaces: Surfaces::NOTHING,
+            surfaces: BlockSurfaces::NOTHING,
         };
         write(writer, part, seen, &mut shader);
         shader.flush();
@@ -123,16 +123,21 @@ pub(super) fn shade(
 }
 
 /// Writes those of a part that are marked.
-fn write(writer: &Writer<'_>, part: Part<'_>, seen: &[AtomicU8], out: &mut impl Out) {
+fn write(
+    writer: &SplatWriter<'_>,
+    part: PackedPart<'_>,
+    seen: &[AtomicU8],
+    out: &mut impl SplatOutput,
+) {
     let marked = |ids: &[u32]| -> Vec<u32> {
         let ids = ids.iter().zip(seen).filter(|(_, seen)| is_marked(seen));
         ids.map(|(&id, _)| id).collect()
     };
     match part {
-        Part::Nodes(ids) => writer.part(Part::Nodes(&marked(ids)), out),
-        Part::Leaves(ids) => writer.part(Part::Leaves(&marked(ids)), out),
-        Part::Large(ids) => writer.part(Part::Large(&marked(ids)), out),
-        Part::Rows(rows) => {
+        PackedPart::Nodes(ids) => writer.part(PackedPart::Nodes(&marked(ids)), out),
+        PackedPart::Leaves(ids) => writer.part(PackedPart::Leaves(&marked(ids)), out),
+        PackedPart::Large(ids) => writer.part(PackedPart::Large(&marked(ids)), out),
+        PackedPart::Rows(rows) => {
             let mut seen = seen.iter();
             let of_row = |row: &StripRun| {
                 let drawn = (0..row.count).filter(|&i| row.is_seen(i));
@@ -145,7 +150,7 @@ fn write(writer: &Writer<'_>, part: Part<'_>, seen: &[AtomicU8], out: &mut impl 
                 .map(of_row)
                 .filter(|row| row.seen != 0)
                 .collect();
-            writer.part(Part::Rows(&rows), out);
+            writer.part(PackedPart::Rows(&rows), out);
         }
     }
 }

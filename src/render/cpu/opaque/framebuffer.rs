@@ -1,11 +1,11 @@
 //! What is drawn: color and depth of each pixel.
 
 use crate::render::cpu::opaque::bands::BAND_PX;
-use crate::render::cpu::opaque::viewport::Screen;
+use crate::render::cpu::opaque::viewport::SplatScreen;
 
 /// What is shown in the rectangle of a screen.
 #[derive(Debug)]
-pub struct Picture<'a> {
+pub struct ShownRectangle<'a> {
     /// Red in the lowest byte, coverage in the highest: all or nothing. From the first pixel of the rectangle on, perhaps in a
     /// larger picture.
     pub colors: &'a mut [u32],
@@ -17,10 +17,10 @@ pub struct Picture<'a> {
     pub is_begun: bool,
 }
 
-impl Picture<'_> {
+impl ShownRectangle<'_> {
     /// The same, to be handed on.
-    pub(super) fn again(&mut self) -> Picture<'_> {
-        Picture {
+    pub(super) fn again(&mut self) -> ShownRectangle<'_> {
+        ShownRectangle {
             colors: self.colors,
             pitch: self.pitch,
             depths: self.depths,
@@ -29,7 +29,7 @@ impl Picture<'_> {
     }
 
     /// Bands of rows.
-    pub(super) fn bands(self, screen: &Screen) -> impl ExactSizeIterator<Item = Self> {
+    pub(super) fn bands(self, screen: &SplatScreen) -> impl ExactSizeIterator<Item = Self> {
         let (pixels, width, pitch) = (screen.pixels(), screen.width(), self.pitch);
         let is_begun = self.is_begun;
         let behind = match pixels {
@@ -39,7 +39,7 @@ impl Picture<'_> {
         let chunk = |row: usize| (BAND_PX * row).max(1);
         let colors = self.colors[..behind].chunks_mut(chunk(pitch));
         let bands = colors.zip(self.depths[..pixels].chunks_mut(chunk(width)));
-        bands.map(move |(colors, depths)| Picture {
+        bands.map(move |(colors, depths)| ShownRectangle {
             colors,
             pitch,
             depths,

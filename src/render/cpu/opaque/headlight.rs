@@ -18,7 +18,7 @@ const ALPHA: i32 = 0xff << 24;
 
 /// The headlight of a frame, and what is behind everything.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Light {
+pub struct FrameHeadlight {
     /// In model space: a position (last component 1), or the unit vector towards it (0).
     place: [f32; 4],
     is_two_sided: bool,
@@ -29,8 +29,8 @@ pub struct Light {
     pub(super) background: u32,
 }
 
-impl Light {
-    /// That of a frame which shows no data and has no lamp.
+impl FrameHeadlight {
+    /// Light of a frame which shows no data and has no lamp.
     pub fn new(frame: &FrameConstants) -> Self {
         let has = |flag: u32| frame.flags & flag != 0;
         let is_tinted = has(FLAG_COLOR_BY_PRIMITIVE);
@@ -50,21 +50,21 @@ impl Light {
         }
     }
 
-    /// What pixels show where nothing is, as [`Picture`](crate::render::cpu::opaque::Picture) has colors.
+    /// What pixels show where nothing is, as [`ShownRectangle`](crate::render::cpu::opaque::ShownRectangle) has colors.
     pub fn background(&self) -> u32 {
         self.background
     }
 }
 
 /// What the surfaces of a block of splats are like: normals and colors as [`Splat`] has them.
-pub(super) struct Surfaces {
+pub(super) struct BlockSurfaces {
     normals: [i32; BLOCK],
     /// What the codes of normals leave out, see `shaders/compute/resolve_splats.frag`; 0: nothing.
     fine: [i32; BLOCK],
     colors: [i32; BLOCK],
 }
 
-impl Surfaces {
+impl BlockSurfaces {
     pub(super) const NOTHING: Self = Self {
         normals: [0; BLOCK],
         fine: [0; BLOCK],
@@ -83,7 +83,7 @@ impl Surfaces {
     pub(super) fn shade<S: Simd>(
         &self,
         simd: S,
-        light: &Light,
+        light: &FrameHeadlight,
         center: &[Row; 3],
         at: usize,
         out: &mut [i32; BLOCK],
@@ -128,7 +128,7 @@ impl Surfaces {
     }
 }
 
-impl Surfaces {
+impl BlockSurfaces {
     /// Decodes normals of splats number `at` and on, as many as a vector has, and half the thickness of their patches of surface over
     /// their radius. Normals have any length, 0 where there is none.
     #[inline(always)]

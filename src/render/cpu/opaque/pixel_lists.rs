@@ -3,7 +3,7 @@
 /// Pixels of splats, counted from the corner of the rectangle: numbers of one kind in a list each. Words of two numbers have x in their
 /// lower half. What has no pixels ends before it begins.
 #[derive(Debug, Default)]
-pub(super) struct Pixels {
+pub(super) struct SplatPixels {
     first: Vec<i32>,
     /// One past the last.
     end: Vec<i32>,
@@ -15,7 +15,7 @@ pub(super) struct Pixels {
 
 /// Some of them.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Found<'a> {
+pub(super) struct FoundPixels<'a> {
     pub(super) first: &'a [i32],
     pub(super) end: &'a [i32],
     pub(super) depth: &'a [f32],
@@ -25,22 +25,22 @@ pub(super) struct Found<'a> {
 
 /// Some of them, to be found.
 #[derive(Debug, Default)]
-pub(super) struct Finding<'a> {
+pub(super) struct PixelSearch<'a> {
     pub(super) first: &'a mut [i32],
     pub(super) end: &'a mut [i32],
     pub(super) depth: &'a mut [f32],
     pub(super) colors: &'a mut [i32],
 }
 
-impl Pixels {
+impl SplatPixels {
     /// The first so many, whatever was in them.
-    pub(super) fn first(&mut self, count: usize) -> Finding<'_> {
+    pub(super) fn first(&mut self, count: usize) -> PixelSearch<'_> {
         let all = count.max(self.first.len());
         self.first.resize(all, 0);
         self.end.resize(all, 0);
         self.depth.resize(all, 0.0);
         self.colors.resize(all, 0);
-        Finding {
+        PixelSearch {
             first: &mut self.first[..count],
             end: &mut self.end[..count],
             depth: &mut self.depth[..count],
@@ -59,7 +59,7 @@ impl Pixels {
     }
 }
 
-impl<'a> Finding<'a> {
+impl<'a> PixelSearch<'a> {
     /// The first so many, which are no longer among them.
     pub(super) fn split(&mut self, count: usize) -> Self {
         let Self {
@@ -89,8 +89,8 @@ impl<'a> Finding<'a> {
     }
 
     /// All of them, for a while.
-    pub(super) fn again(&mut self) -> Finding<'_> {
-        Finding {
+    pub(super) fn again(&mut self) -> PixelSearch<'_> {
+        PixelSearch {
             first: self.first,
             end: self.end,
             depth: self.depth,
@@ -98,8 +98,8 @@ impl<'a> Finding<'a> {
         }
     }
 
-    pub(super) fn found(self) -> Found<'a> {
-        Found {
+    pub(super) fn found(self) -> FoundPixels<'a> {
+        FoundPixels {
             first: self.first,
             end: self.end,
             depth: self.depth,

@@ -3,12 +3,12 @@
 use crate::abi::Splat;
 use crate::cut::strip_center_of;
 use crate::pack::Footprint;
-use crate::pack::splats::{Named, Out, Part};
+use crate::pack::splats::{NumberedSplat, PackedPart, SplatOutput};
 use crate::render::cpu::opaque::bands::Outlines;
-use crate::render::cpu::opaque::headlight::{Light, Surfaces};
+use crate::render::cpu::opaque::headlight::{BlockSurfaces, FrameHeadlight};
 use crate::render::cpu::opaque::ovals::{OvalDiscs, OvalOutline};
-use crate::render::cpu::opaque::pixel_lists::Finding;
-use crate::render::cpu::opaque::{Look, Screen, Source};
+use crate::render::cpu::opaque::pixel_lists::PixelSearch;
+use crate::render::cpu::opaque::{ListedSplats, SplatScreen, SplatShape};
 use crate::tree::{Leaf, Node};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
@@ -33,7 +33,7 @@ pub(super) fn both(word: i32) -> [usize; 2] {
 
 /// Which of its pixels a disc covers: those at offsets o with `form` o.o of at most 1.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Round {
+pub(super) struct RoundPixels {
     /// 1 / pixels^2; 0 of what is a square.
     pub(super) form: f32,
     /// From the center to that of the first pixel, pixels.
@@ -42,7 +42,7 @@ pub(super) struct Round {
 
 /// Splats that lie near each other.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Group {
+pub(super) struct NearSplats {
     /// Number of the first among those of their look.
     pub(super) first: u32,
     pub(super) count: u16,
@@ -53,13 +53,13 @@ pub(super) struct Group {
 pub(super) type Row = [f32; BLOCK];
 
 /// Numbers of a block, written word by word before any are read as vectors.
-struct Block {
+struct NumberBlock {
     center: [Row; 3],
     radius: Row,
 }
 
 /// What is found of a block.
-struct Answers {
+struct BlockAnswers {
     first: [i32; BLOCK],
     end: [i32; BLOCK],
     depth: Row,
@@ -80,26 +80,27 @@ const NOWHERE: Vec3 = Vec3::NAN;
 /// like is found as well, unless they are those of nodes alone.
 pub(super) fn part(
     level: Level,
-    (screen, light): (&Screen, &Light),
-    (source, look, is_one_pixel): (Source<'_>, Look, bool),
+    (screen, light): (&SplatScreen, &FrameHeadlight),
+    (source, look, is_one_pixel): (ListedSplats<'_>, SplatShape, bool),
     first: u32,
     places: Places<'_>,
 ) {
-    let mut placer = Placer {
+    let mut placer = SplatPlacer {
         level,
         screen,
-        light: (!matches!(source, Source::Cut(..) | Source::Places(_))).then_some(light),
+        light: (!matches!(source, ListedSplats::Cut(..) | ListedSplats::Places(_)))
+            .then_some(light),
         look,
         is_one_pixel,
         first,
         places,
         len: 0,
-        surfaces: Surfaces::NOTHING,
-        block: Block {
+        surfaces: BlockSurfaces::NOTHING,
+        block: NumberBlock {
             center: [[0.0; BLOCK]; 3],
             radius: [0.0; BLOCK],
         },
-        answers: Answers {
+        answers: BlockAnswers {
             first: [0; BLOCK],
             end: [0; BLOCK],
             depth: [0.0; BLOCK],
@@ -110,24 +111,24 @@ pub(super) fn part(
         },
     };
     match source {
-        Source::List(splats) => {
+        ListedSplats::List(splats) => {
             for splat in splats {
                 placer.put(splat);
             }
         }
-        Source::Places(splats) => {
+        ListedSplats::Places(splats) => {
             for splat in splats {
                 placer.place(splat);
             }
         }
-        Source::Surface(writer, part) => {
+        ListedSplats::Surface(writer, part) => {
             writer.part(part, &mut placer);
             // What has no area has no splat.
             while !placer.is_full() {
                 placer.push(NOWHERE, 0.0);
             }
         }
-        Source::Cut(model, undrawn, Part::Nodes(ids)) => {
+        ListedSplats::Cut(model, undrawn, PackedPart::Nodes(ids)) => {
             let nodes: &[Node] = &model.tree.nodes;
             for (index, &id) in ids.iter().enumerate() {
                 if let Some(&next) = ids.get(index + AHEAD) {
@@ -137,7 +138,7 @@ pub(super) fn part(
                 placer.push_if(is_drawn, nodes[id as usize].center);
             }
         }
-        Source::Cut(model, undrawn, Part::Rows(rows)) => {
+        ListedSplats::Cut(model, undrawn, PackedPart::Rows(rows)) => {
             let nodes: &[Node] = &model.tree.nodes;
             for (index, row) in rows.iter().enumerate() {
                 if let Some(next) = rows.get(index + AHEAD) {
@@ -150,7 +151,7 @@ pub(super) fn part(
                 }
             }
         }
-        Source::Cut(model, undrawn, Part::Leaves(ids) | Part::Large(ids)) => {
+        ListedSplats::Cut(model, undrawn, PackedPart::Leaves(ids) | PackedPart::Large(ids)) => {
             let leaves: &[Leaf] = &model.tree.leaves;
             for (index, &id) in ids.iter().enumerate() {
                 if let Some(&next) = ids.get(index + AHEAD) {
@@ -165,42 +166,42 @@ pub(super) fn part(
 }
 
 /// Where pixels, what is round, and groups go.
-pub(super) type Places<'a> = (Finding<'a>, Outlines<'a>, &'a mut [Group]);
+pub(super) type Places<'a> = (PixelSearch<'a>, Outlines<'a>, &'a mut [NearSplats]);
 
 /// Finds where splats are, block by block.
-struct Placer<'a> {
-    /// Of the processor's vectors. What calls [`Writer`](crate::render::cpu::opaque::Writer)'s functions is not compiled for any.
+struct SplatPlacer<'a> {
+    /// Of the processor's vectors. What calls [`SplatWriter`](crate::render::cpu::opaque::SplatWriter)'s functions is not compiled for any.
     level: Level,
-    screen: &'a Screen,
+    screen: &'a SplatScreen,
     /// None where nobody asks what they look like.
-    light: Option<&'a Light>,
-    look: Look,
+    light: Option<&'a FrameHeadlight>,
+    look: SplatShape,
     is_one_pixel: bool,
     /// Number of the first of the block.
     first: u32,
     /// What is left of it.
     places: Places<'a>,
     len: usize,
-    surfaces: Surfaces,
-    block: Block,
-    answers: Answers,
+    surfaces: BlockSurfaces,
+    block: NumberBlock,
+    answers: BlockAnswers,
 }
 
-impl Out for Placer<'_> {
+impl SplatOutput for SplatPlacer<'_> {
     const HAS_THICKNESS: bool = false;
 
     #[inline(always)]
-    fn point(&mut self, named: &Named) {
+    fn point(&mut self, named: &NumberedSplat) {
         self.put(&named.splat);
     }
 
     #[inline(always)]
-    fn quad(&mut self, named: &Named) {
+    fn quad(&mut self, named: &NumberedSplat) {
         self.put(&named.splat);
     }
 }
 
-impl Placer<'_> {
+impl SplatPlacer<'_> {
     #[inline(always)]
     fn put(&mut self, splat: &Splat) {
         self.surfaces.put(self.len % BLOCK, splat);
@@ -216,7 +217,7 @@ impl Placer<'_> {
         }
     }
 
-    /// Whether all are there.
+    /// Tells whether all are there.
     #[inline(always)]
     fn is_full(&self) -> bool {
         self.len >= self.places.0.first.len()
@@ -287,7 +288,7 @@ impl Placer<'_> {
             _ => 0,
         });
         for (i, round) in rounds.iter_mut().enumerate() {
-            *round = Round {
+            *round = RoundPixels {
                 form: answers.form[i],
                 to_first: [answers.to_first[0][i], answers.to_first[1][i]],
             };
@@ -314,7 +315,7 @@ impl Placer<'_> {
         {
             let low = firsts.iter().fold(u32::MAX, |low, &v| low.min(v as u32));
             let high = ends.iter().fold(0, |high, &v| high.max(v as u32));
-            *group = Group {
+            *group = NearSplats {
                 first,
                 count: firsts.len() as u16,
                 rows: [low, high].map(|v| (v >> 16) as u16),
@@ -331,7 +332,7 @@ impl Placer<'_> {
 #[inline(always)]
 pub(super) fn depth_of<S: Simd>(
     simd: S,
-    screen: &Screen,
+    screen: &SplatScreen,
     [x, y, z]: [Numbers<S>; 3],
 ) -> (Numbers<S>, Numbers<S>, S::mask32s) {
     let [a, b, c, d] = screen.along;
@@ -359,8 +360,8 @@ struct SeenCenters<S: Simd> {
 #[inline(always)]
 fn centers_of<S: Simd>(
     simd: S,
-    screen: &Screen,
-    (block, found): (&Block, &mut Answers),
+    screen: &SplatScreen,
+    (block, found): (&NumberBlock, &mut BlockAnswers),
     at: usize,
 ) -> SeenCenters<S> {
     let lanes = at..at + Numbers::<S>::LEN;
@@ -387,9 +388,9 @@ fn centers_of<S: Simd>(
 #[inline(always)]
 fn find<S: Simd, const ONE: bool>(
     simd: S,
-    screen: &Screen,
-    look: Look,
-    (block, found): (&Block, &mut Answers),
+    screen: &SplatScreen,
+    look: SplatShape,
+    (block, found): (&NumberBlock, &mut BlockAnswers),
     at: usize,
 ) {
     let lanes = at..at + Numbers::<S>::LEN;
@@ -464,9 +465,9 @@ fn find<S: Simd, const ONE: bool>(
 #[inline(always)]
 fn find_ovals<S: Simd>(
     simd: S,
-    screen: &Screen,
+    screen: &SplatScreen,
     (normal, thickness): ([Numbers<S>; 3], Numbers<S>),
-    (block, found): (&Block, &mut Answers),
+    (block, found): (&NumberBlock, &mut BlockAnswers),
     at: usize,
 ) {
     let lanes = at..at + Numbers::<S>::LEN;
@@ -539,7 +540,7 @@ fn store<S: Simd>(
     simd: S,
     is_in: S::mask32s,
     [x, y]: [[Numbers<S>; 2]; 2],
-    found: &mut Answers,
+    found: &mut BlockAnswers,
     lanes: std::ops::Range<usize>,
 ) {
     let word = |x: Numbers<S>, y: Numbers<S>| -> S::i32s {

@@ -5,21 +5,23 @@ use crate::abi::Splat;
 use crate::pack::parallel;
 use crate::render::cpu::float_planes::word_of;
 use crate::render::cpu::frame_shading::{FrameShading, ShadedPoint};
-use crate::render::cpu::opaque::bands::{BAND_PX, Known, SPLAT_BIT, draw_by};
+use crate::render::cpu::opaque::bands::{BAND_PX, KnownSplats, SPLAT_BIT, draw_by};
 use crate::render::cpu::opaque::triangles::draw_numbers;
-use crate::render::cpu::opaque::{Frame, Look, Picture, Places, Screen, Source};
-use crate::render::cpu::triangles::{MeshVertices, NumberedFace, Surface, Triangles};
+use crate::render::cpu::opaque::{
+    Frame, ListedSplats, ShownRectangle, SplatPlaces, SplatScreen, SplatShape,
+};
+use crate::render::cpu::triangles::{CutTriangles, FaceSurface, MeshVertices, NumberedFace};
 use fearless_simd::Level;
 
 /// What is drawn: triangles, then splats.
 #[derive(Clone, Copy)]
 pub(crate) struct SurfaceList<'a> {
-    pub(crate) triangles: &'a Triangles,
+    pub(crate) triangles: &'a CutTriangles,
     /// Corners of the triangles.
     pub(crate) meshes: MeshVertices<'a>,
     pub(crate) splats: &'a [Splat],
     /// What splats look like.
-    pub(crate) look: Look,
+    pub(crate) look: SplatShape,
     /// Triangles that cover few pixels, as squares of one.
     pub(crate) samples: &'a [Splat],
     pub(crate) shading: &'a FrameShading,
@@ -41,8 +43,8 @@ pub(crate) struct SurfacePlanes<'a> {
 pub(crate) fn draw_surfaces(
     list: SurfaceList<'_>,
     frame: Frame<'_>,
-    places: &mut Places,
-    mut picture: Picture<'_>,
+    places: &mut SplatPlaces,
+    mut picture: ShownRectangle<'_>,
     planes: SurfacePlanes<'_>,
 ) {
     let (screen, light) = frame;
@@ -52,15 +54,20 @@ pub(crate) fn draw_surfaces(
         draw_numbers(list.triangles, screen, light.background(), picture);
     }
     let parts = list.splats.chunks(parallel::PART);
-    let parts = parts.map(|part| (Source::Places(part), part.len()));
+    let parts = parts.map(|part| (ListedSplats::Places(part), part.len()));
     let splats = (parts.collect(), list.look, list.samples);
     let target = (places, picture.again());
-    draw_by(Level::new(), splats, frame, Known::Numbers, target);
+    draw_by(Level::new(), splats, frame, KnownSplats::Numbers, target);
     shade(&list, screen, picture, planes);
 }
 
 /// Numbers become colors, and floats where they are asked for.
-fn shade(list: &SurfaceList<'_>, screen: &Screen, picture: Picture<'_>, planes: SurfacePlanes<'_>) {
+fn shade(
+    list: &SurfaceList<'_>,
+    screen: &SplatScreen,
+    picture: ShownRectangle<'_>,
+    planes: SurfacePlanes<'_>,
+) {
     let width = screen.width();
     if width == 0 {
         return;
@@ -120,7 +127,7 @@ struct PixelShader<'a> {
 enum SeenSurface<'a> {
     Nothing,
     Splat(ShadedPoint),
-    Triangle(NumberedFace<'a>, Surface<'a>),
+    Triangle(NumberedFace<'a>, FaceSurface<'a>),
 }
 
 impl PixelShader<'_> {
@@ -159,7 +166,7 @@ impl<'a> PixelShader<'a> {
         };
         match list.triangles.numbered(word & !SPLAT_BIT) {
             Some(found) => {
-                let surface = Surface::of(found.face, found.part, list.meshes, light);
+                let surface = FaceSurface::of(found.face, found.part, list.meshes, light);
                 SeenSurface::Triangle(found, surface)
             }
             None => SeenSurface::Nothing,

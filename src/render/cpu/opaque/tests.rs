@@ -9,7 +9,7 @@ use crate::math::camera::Camera;
 use crate::math::octahedral;
 use crate::pack::Footprint;
 use crate::pack::for_tests::levels;
-use crate::progress::Silent;
+use crate::progress::SilentProgress;
 use crate::tree::{self, BuildOptions};
 use bytemuck::Zeroable;
 use glam::{DVec3, Mat4, Vec3};
@@ -19,7 +19,7 @@ const SIZE: [u32; 2] = [90, 110];
 const RECT: [u32; 4] = [7, 0, 85, 104];
 
 /// A camera at (0, 0, 3) that looks to where z falls, with depth 1 at a distance of 0.5.
-fn screen(size_px: f32) -> Screen {
+fn screen(size_px: f32) -> SplatScreen {
     let [width, height] = SIZE.map(|v| v as f32);
     let view = Mat4::from_translation(Vec3::new(0.0, 0.1, -3.0));
     let clip = Mat4::from_cols_array_2d(&[
@@ -40,11 +40,15 @@ fn screen(size_px: f32) -> Screen {
         splat_size_px: size_px,
         ..FrameConstants::zeroed()
     };
-    Screen::new(&frame, RECT).unwrap()
+    SplatScreen::new(&frame, RECT).unwrap()
 }
 
 /// The keys of a list as `shaders/compute/splats.comp` leaves them, splat by splat and pixel by pixel.
-fn expected(splats: &[Splat], (look, samples): (Look, usize), screen: &Screen) -> Vec<u64> {
+fn expected(
+    splats: &[Splat],
+    (look, samples): (SplatShape, usize),
+    screen: &SplatScreen,
+) -> Vec<u64> {
     let [left, top, right, bottom] = screen.rect_px;
     let mut keys = vec![0; screen.pixels()];
     for (number, splat) in splats.iter().enumerate() {
@@ -102,7 +106,7 @@ const MORE: usize = 5;
 
 impl Planes {
     /// What was there is not looked at.
-    fn of(screen: &Screen) -> Self {
+    fn of(screen: &SplatScreen) -> Self {
         let (width, pixels) = (screen.width(), screen.pixels());
         let pitch = width + MORE;
         Self {
@@ -113,8 +117,8 @@ impl Planes {
         }
     }
 
-    fn picture(&mut self) -> Picture<'_> {
-        Picture {
+    fn picture(&mut self) -> ShownRectangle<'_> {
+        ShownRectangle {
             colors: &mut self.colors,
             pitch: self.pitch,
             depths: &mut self.depths,
@@ -179,7 +183,7 @@ fn crowd(count: usize, largest: f32, seed: u64) -> Vec<Splat> {
 
 #[test]
 fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
-    let mut places = Places::default();
+    let mut places = SplatPlaces::default();
     let light = light(true, false);
     let mut covered = 0;
     for (seed, (size_px, largest)) in [
@@ -201,7 +205,7 @@ fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
                 (Footprint::Circle, true),
                 (Footprint::Circle, false),
             ] {
-                let look = Look {
+                let look = SplatShape {
                     footprint,
                     has_one_size,
                 };
@@ -217,10 +221,12 @@ fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
                     let mut planes = Planes::of(&screen);
                     let own = splats.split_at(count - samples);
                     let parts = own.0.chunks(parallel::PART);
-                    let parts = parts.map(|part| (Source::List(part), part.len())).collect();
+                    let parts = parts
+                        .map(|part| (ListedSplats::List(part), part.len()))
+                        .collect();
                     let list = (parts, look, own.1);
                     let (frame, out) = ((&screen, &light), (&mut places, planes.picture()));
-                    draw_by(level, list, frame, Known::Places, out);
+                    draw_by(level, list, frame, KnownSplats::Places, out);
                     let keys = planes.keys();
                     covered += keys.iter().filter(|&&key| key != 0).count();
                     if let Some(wanted) = &wanted {
@@ -246,7 +252,7 @@ fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
 const BACKGROUND: u32 = 0xff_80_33;
 
 /// The headlight where the camera of [`screen`] is, in model space.
-fn light(is_two_sided: bool, has_colors: bool) -> Light {
+fn light(is_two_sided: bool, has_colors: bool) -> FrameHeadlight {
     let mut flags = 0;
     for (on, flag) in [
         (is_two_sided, constants::FLAG_TWO_SIDED),
@@ -254,7 +260,7 @@ fn light(is_two_sided: bool, has_colors: bool) -> Light {
     ] {
         flags |= if on { flag } else { 0 };
     }
-    Light::new(&FrameConstants {
+    FrameHeadlight::new(&FrameConstants {
         headlight: [0.0, -0.1, 3.0, 1.0],
         background: [0.2, 0.5, 1.0, 0.0],
         flags,
@@ -304,7 +310,7 @@ fn a_cut_is_drawn_as_its_list() {
         }
         let colors = (0u8..=255).cycle().map(|i| [i, 255 - i, i / 3, 255]);
         mesh.colors = colors.take(mesh.positions.len()).collect();
-        let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
         let undrawn = ZeroAreaSet::new(&model);
         let eye = DVec3::new(0.0, -0.1, 3.0);
         let size = (SIZE[0], SIZE[1]);
@@ -326,7 +332,7 @@ fn a_cut_is_drawn_as_its_list() {
             (Footprint::Circle, false, true),
             (Footprint::Circle, true, false),
         ] {
-            let plan = Plan {
+            let plan = SplatPlan {
                 footprint,
                 threshold_px,
                 size: settings.size,
@@ -337,7 +343,7 @@ fn a_cut_is_drawn_as_its_list() {
                 max_point_px: f32::INFINITY,
             };
             let (screen, light) = (screen(threshold_px), light(is_two_sided, has_colors));
-            let (mut places, mut planes) = (Places::default(), Planes::of(&screen));
+            let (mut places, mut planes) = (SplatPlaces::default(), Planes::of(&screen));
             let count = splats::count(&cut, &plan);
             let mut samples = crowd(40, 1.0, 3);
             let mut next = random(7);
@@ -354,8 +360,8 @@ fn a_cut_is_drawn_as_its_list() {
             numbers[3] += count - packed.points;
             list.extend(&samples);
             let own = list.split_at(packed.points);
-            let parts = vec![(Source::List(own.0), packed.points)];
-            let look = Look {
+            let parts = vec![(ListedSplats::List(own.0), packed.points)];
+            let look = SplatShape {
                 footprint,
                 has_one_size: true,
             };
@@ -365,12 +371,12 @@ fn a_cut_is_drawn_as_its_list() {
                 Level::new(),
                 found,
                 frame,
-                Known::Places,
+                KnownSplats::Places,
                 (&mut places, planes.picture()),
             );
             let keys = planes.keys();
             for are_seen in [false, true] {
-                let splats = Splats {
+                let splats = CutSplats {
                     meshes: &[CutMesh {
                         model: &model,
                         undrawn: &undrawn,
@@ -445,7 +451,7 @@ fn ovals_cover_what_rays_meet() {
     let [left, top, right, bottom] = RECT;
     let size = SIZE.map(f64::from);
     let mut next = random(11);
-    let (mut places, mut covered, mut cut_off) = (Places::default(), 0, 0);
+    let (mut places, mut covered, mut cut_off) = (SplatPlaces::default(), 0, 0);
     for number in 0..600 {
         let mut splat = crowd(2, 1.0, number)[1];
         splat.normal = octahedral::encode(Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5));
@@ -458,17 +464,17 @@ fn ovals_cover_what_rays_meet() {
         }
         for level in levels() {
             let mut planes = Planes::of(&screen);
-            let look = Look {
+            let look = SplatShape {
                 footprint: Footprint::Oriented,
                 has_one_size: false,
             };
-            let parts = vec![(Source::List(std::slice::from_ref(&splat)), 1)];
+            let parts = vec![(ListedSplats::List(std::slice::from_ref(&splat)), 1)];
             let out = (&mut places, planes.picture());
             draw_by(
                 level,
                 (parts, look, &[]),
                 (&screen, &light),
-                Known::Colors,
+                KnownSplats::Colors,
                 out,
             );
             let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| [x, y]));
@@ -501,7 +507,7 @@ fn ovals_cover_what_rays_meet() {
 #[test]
 fn what_is_too_wide_for_its_numbers_is_not_drawn() {
     let frame = FrameConstants::zeroed();
-    assert!(Screen::new(&frame, [3, 0, 3, 65_535]).is_some());
-    assert!(Screen::new(&frame, [0, 0, 65_536, 2]).is_none());
-    assert!(Screen::new(&frame, [5, 0, 4, 2]).is_none());
+    assert!(SplatScreen::new(&frame, [3, 0, 3, 65_535]).is_some());
+    assert!(SplatScreen::new(&frame, [0, 0, 65_536, 2]).is_none());
+    assert!(SplatScreen::new(&frame, [5, 0, 4, 2]).is_none());
 }

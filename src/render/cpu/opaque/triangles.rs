@@ -7,10 +7,11 @@
 use crate::pack::parallel;
 use crate::render::cpu::opaque::bands::BAND_PX;
 use crate::render::cpu::opaque::bands::SPLAT_BIT;
-use crate::render::cpu::opaque::framebuffer::Picture;
-use crate::render::cpu::opaque::viewport::Screen;
+use crate::render::cpu::opaque::framebuffer::ShownRectangle;
+use crate::render::cpu::opaque::viewport::SplatScreen;
 use crate::render::cpu::triangles::{
-    Edge, Face, FaceTexture, Light, MeshVertices, NumberedFace, Surface, Triangles,
+    CutTriangles, FaceEdge, FaceSurface, FaceTexture, FrameLight, MeshVertices, NumberedFace,
+    PictureFace,
 };
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
@@ -35,11 +36,11 @@ const COVERED: u32 = 0xff << 24;
 /// # Panics
 /// When the picture is smaller than the screen, or the triangles were set up for another part of the picture.
 pub fn draw(
-    triangles: &Triangles,
+    triangles: &CutTriangles,
     meshes: MeshVertices<'_>,
-    screen: &Screen,
+    screen: &SplatScreen,
     background: u32,
-    picture: Picture<'_>,
+    picture: ShownRectangle<'_>,
 ) {
     let shown = ShownFaces::Colors(meshes);
     draw_by(
@@ -51,12 +52,12 @@ pub fn draw(
     );
 }
 
-/// As [`draw`], but a pixel becomes the number of its triangle in [`Triangles::numbered`] with [`SPLAT_BIT`] set.
+/// As [`draw`], but a pixel becomes the number of its triangle in [`CutTriangles::numbered`] with [`SPLAT_BIT`] set.
 pub(super) fn draw_numbers(
-    triangles: &Triangles,
-    screen: &Screen,
+    triangles: &CutTriangles,
+    screen: &SplatScreen,
     background: u32,
-    picture: Picture<'_>,
+    picture: ShownRectangle<'_>,
 ) {
     let shown = ShownFaces::Numbers;
     draw_by(
@@ -71,19 +72,19 @@ pub(super) fn draw_numbers(
 /// What pixels show of their triangle.
 #[derive(Clone, Copy)]
 enum ShownFaces<'a> {
-    /// Its color in the headlight, of these meshes.
+    /// Color in the headlight, of these meshes.
     Colors(MeshVertices<'a>),
-    /// Its number.
+    /// Number of the triangle.
     Numbers,
 }
 
 /// The same by vectors of a level.
 fn draw_by(
     level: Level,
-    (triangles, shown): (&Triangles, ShownFaces<'_>),
-    screen: &Screen,
+    (triangles, shown): (&CutTriangles, ShownFaces<'_>),
+    screen: &SplatScreen,
     background: u32,
-    picture: Picture<'_>,
+    picture: ShownRectangle<'_>,
 ) {
     assert!(
         triangles.are_within(screen.rect_px()),
@@ -115,7 +116,7 @@ fn draw_by(
         match shown {
             ShownFaces::Colors(meshes) => dispatch!(level, simd => {
                 for NumberedFace { part, face, .. } in triangles.near(rows) {
-                    let surface = || Surface::of(face, part, meshes, light);
+                    let surface = || FaceSurface::of(face, part, meshes, light);
                     let ink = LitInk { light, surface: Some(surface), shade: None };
                     target.draw(simd, (face, rows), ink);
                 }
@@ -131,7 +132,7 @@ fn draw_by(
 
 /// A band of the picture.
 struct BandTarget<'b, 'p> {
-    picture: &'b mut Picture<'p>,
+    picture: &'b mut ShownRectangle<'p>,
     width: usize,
     /// The pixel of the picture that is the band's first.
     corner: [u32; 2],
@@ -155,12 +156,12 @@ struct PixelRun<S: Simd> {
 
 /// Colors in the headlight. Most triangles are hidden: what their surface is like is asked for at the first pixel.
 struct LitInk<'a, 'm, S: Simd, F> {
-    light: &'a Light,
+    light: &'a FrameLight,
     surface: Option<F>,
     shade: Option<FaceShade<'m, S>>,
 }
 
-impl<'m, S: Simd, F: FnOnce() -> Surface<'m>> FaceInk<S> for LitInk<'_, 'm, S, F> {
+impl<'m, S: Simd, F: FnOnce() -> FaceSurface<'m>> FaceInk<S> for LitInk<'_, 'm, S, F> {
     #[inline(always)]
     fn words(&mut self, simd: S, perspective: [Numbers<S>; 3], pixels: &PixelRun<S>) -> S::i32s {
         if let Some(surface) = self.surface.take() {
@@ -198,7 +199,7 @@ impl BandTarget<'_, '_> {
     fn draw<S: Simd>(
         &mut self,
         simd: S,
-        (face, rows): (&Face, [u32; 2]),
+        (face, rows): (&PictureFace, [u32; 2]),
         mut ink: impl FaceInk<S>,
     ) {
         let [left, _, right, _] = face.pixels;
@@ -212,7 +213,7 @@ impl BandTarget<'_, '_> {
             if first < end {
                 let at_first = [0, 1, 2].map(|i| starts[i] + first * edges[i].right);
                 let x = left + first as u32;
-                let row = Row {
+                let row = PixelSpan {
                     at: (y - self.corner[1]) as usize * self.picture.pitch
                         + (x - self.corner[0]) as usize,
                     depth_at: (y - self.corner[1]) as usize * self.width
@@ -220,7 +221,7 @@ impl BandTarget<'_, '_> {
                     pixel: [x, y],
                     count: (end - first) as usize,
                 };
-                let weights = Weights {
+                let weights = RowWeights {
                     at_first,
                     edges: &edges,
                     inverse_area,
@@ -238,9 +239,9 @@ impl BandTarget<'_, '_> {
     fn row<S: Simd>(
         &mut self,
         simd: S,
-        row: &Row,
-        weights: &Weights<'_>,
-        face: &Face,
+        row: &PixelSpan,
+        weights: &RowWeights<'_>,
+        face: &PictureFace,
         ink: &mut impl FaceInk<S>,
     ) {
         let step = Numbers::<S>::LEN;
@@ -290,24 +291,24 @@ impl BandTarget<'_, '_> {
 }
 
 /// A span of covered pixels.
-struct Row {
+struct PixelSpan {
     /// Where its first pixel is among colors and among depths of the band.
     at: usize,
     depth_at: usize,
-    /// Its first pixel in the picture.
+    /// First pixel of the span in the picture.
     pixel: [u32; 2],
     count: usize,
 }
 
 /// Weights of the corners along a row.
-struct Weights<'a> {
+struct RowWeights<'a> {
     /// Edge functions at the first pixel of the row.
     at_first: [i64; 3],
-    edges: &'a [Edge; 3],
+    edges: &'a [FaceEdge; 3],
     inverse_area: f32,
 }
 
-impl Weights<'_> {
+impl RowWeights<'_> {
     /// In the window, of the pixels from one on: exact at the first of the vector.
     #[inline(always)]
     fn of<S: Simd>(&self, simd: S, first: usize, lanes: Numbers<S>) -> [Numbers<S>; 3] {
@@ -322,7 +323,7 @@ impl Weights<'_> {
 
 /// Finds which pixels of a row a triangle covers.
 struct SpanFinder {
-    edges: [Edge; 3],
+    edges: [FaceEdge; 3],
     /// Of the growth to the right of each edge function.
     inverse: [f64; 3],
     /// Pixels of a row that are asked for.
@@ -331,7 +332,7 @@ struct SpanFinder {
 
 impl SpanFinder {
     #[inline(always)]
-    fn new(edges: [Edge; 3], width: i64) -> Self {
+    fn new(edges: [FaceEdge; 3], width: i64) -> Self {
         Self {
             edges,
             inverse: edges.map(|edge| 1.0 / edge.right as f64),
@@ -377,7 +378,7 @@ impl SpanFinder {
 
 impl<'m, S: Simd> FaceShade<'m, S> {
     #[inline(always)]
-    fn new(simd: S, surface: &Surface<'m>) -> Self {
+    fn new(simd: S, surface: &FaceSurface<'m>) -> Self {
         let number = |value: f32| Numbers::<S>::splat(simd, value);
         let of = |corner: Vec3| [number(corner.x), number(corner.y), number(corner.z)];
         let (n, c) = (&surface.normals, &surface.colors);
@@ -393,7 +394,7 @@ impl<'m, S: Simd> FaceShade<'m, S> {
     fn words(
         &self,
         simd: S,
-        light: &Light,
+        light: &FrameLight,
         weights: [Numbers<S>; 3],
         pixels: &PixelRun<S>,
     ) -> S::i32s {

@@ -5,7 +5,7 @@ use crate::render::cpu::opaque::ovals::OvalScreen;
 
 /// Where the device draws splats.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Screen {
+pub struct SplatScreen {
     /// From model to view space: the row of z.
     pub(super) along: [f32; 4],
     /// Factor of z in clip space and what is added: of depth and of the last component.
@@ -24,8 +24,8 @@ pub struct Screen {
     pub(super) ovals: OvalScreen,
 }
 
-impl Screen {
-    /// That of a frame; `None` where places do not fit their numbers.
+impl SplatScreen {
+    /// Screen of a frame; `None` where places do not fit their numbers.
     pub fn new(frame: &FrameConstants, rect_px: [u32; 4]) -> Option<Self> {
         let (view, clip) = (&frame.view_from_model, &frame.clip_from_view);
         let row =

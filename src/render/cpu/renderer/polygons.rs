@@ -11,7 +11,7 @@ use crate::render::cpu::frame_shading::{FrameShading, PATCH_TINT, SPLAT_TINT, Sh
 use crate::render::cpu::opaque;
 use crate::render::cpu::picture::PixelWords;
 use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
-use crate::render::cpu::triangles::Light;
+use crate::render::cpu::triangles::FrameLight;
 use crate::render::model_facts::FactedModel;
 use crate::render::technique::Technique;
 use crate::tree::Model;
@@ -52,7 +52,7 @@ impl CpuRenderer {
         self.triangles_given = ids.iter().map(|ids| ids.len()).sum();
         let models = frame.drawn.iter().map(|part| part.model);
         let drawn: Vec<(&Model, &[u32])> = models.zip(ids).collect();
-        let light = Light::of_frame(frame.constants, frame.corner_screen());
+        let light = FrameLight::of_frame(frame.constants, frame.corner_screen());
         let is_lit = self.triangles.set_all(&drawn, Some(light));
         debug_assert!(is_lit, "there is a light");
     }
@@ -61,7 +61,7 @@ impl CpuRenderer {
     pub(super) fn draw_polygons(
         &mut self,
         frame: &CpuFrame<'_>,
-        light: &opaque::Light,
+        light: &opaque::FrameHeadlight,
         pixels: &mut PixelWords<'_>,
     ) -> DrawnCounts {
         let counts = if self.needs_surfaces(frame.settings) {
@@ -262,7 +262,7 @@ impl PolygonBand<'_> {
         }
     }
 
-    /// Whether a depth is nearer than what is there; it stays then.
+    /// Tells whether a depth is nearer than what is there; it stays then.
     fn wins(&mut self, here: usize, depth: f32) -> bool {
         let is_nearer = depth > self.depths[here];
         if is_nearer {

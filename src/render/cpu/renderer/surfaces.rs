@@ -4,14 +4,14 @@ use crate::abi::Splat;
 use crate::pack::ColorBy;
 use crate::render::cpu::frame_shading::FrameShading;
 use crate::render::cpu::opaque;
-use crate::render::cpu::opaque::Picture;
+use crate::render::cpu::opaque::ShownRectangle;
 use crate::render::cpu::picture::PixelWords;
 use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
 use crate::render::pack_params::splat_plan;
 use crate::render::{Method, Settings};
 
 impl CpuRenderer {
-    /// Whether an opaque picture holds more than colors of eight bits in the headlight.
+    /// Tells whether an opaque picture holds more than colors of eight bits in the headlight.
     pub(super) fn needs_surfaces(&self, settings: &Settings) -> bool {
         let outputs = self.planes.outputs();
         outputs.values || outputs.normal || !settings.has_headlight()
@@ -21,12 +21,12 @@ impl CpuRenderer {
     pub(super) fn draw_surfaces(
         &mut self,
         frame: &CpuFrame<'_>,
-        light: &opaque::Light,
+        light: &opaque::FrameHeadlight,
         pixels: &mut PixelWords<'_>,
     ) -> DrawnCounts {
         let settings = frame.settings;
         let rect_px = frame.context.rect_px;
-        let Some(screen) = opaque::Screen::new(frame.constants, rect_px) else {
+        let Some(screen) = opaque::SplatScreen::new(frame.constants, rect_px) else {
             unreachable!("sides of pictures are limited");
         };
         let plan = splat_plan(settings, f32::INFINITY);
@@ -52,7 +52,7 @@ impl CpuRenderer {
             triangles: &self.triangles,
             meshes: frame.meshes,
             splats: &self.splats[..written],
-            look: opaque::Look {
+            look: opaque::SplatShape {
                 footprint: settings.footprint(),
                 has_one_size,
             },
@@ -61,7 +61,7 @@ impl CpuRenderer {
         };
         let rect_pixels = screen.pixels();
         let pitch = pixels.pitch;
-        let picture = Picture {
+        let picture = ShownRectangle {
             colors: pixels.from(rect_px),
             pitch,
             depths: &mut self.depths[..rect_pixels],

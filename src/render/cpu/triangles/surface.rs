@@ -1,6 +1,6 @@
 //! What triangles are like: normals and colors of their corners, and their textures.
 
-use super::{Edge, Face, Light, MeshVertices, Part};
+use super::{FaceEdge, FacePart, FrameLight, MeshVertices, PictureFace};
 use crate::abi::Vertex;
 use crate::math::octahedral;
 use crate::textures::{TextureImage, WeightSteps};
@@ -15,7 +15,7 @@ pub struct SurfaceMesh<'a> {
 }
 
 impl<'a> SurfaceMesh<'a> {
-    /// That of a model.
+    /// Surface of a model.
     pub fn of(model: &'a Model) -> Self {
         Self {
             vertices: &model.vertices,
@@ -25,7 +25,7 @@ impl<'a> SurfaceMesh<'a> {
 }
 
 /// What the corners of a triangle are like.
-pub(in crate::render::cpu) struct Surface<'m> {
+pub(in crate::render::cpu) struct FaceSurface<'m> {
     /// In view space; zero where there is none, which leaves the others to decide.
     pub(in crate::render::cpu) normals: Mat3,
     pub(in crate::render::cpu) colors: Mat3,
@@ -51,8 +51,8 @@ impl FaceTexture<'_> {
 }
 
 impl<'m> FaceTexture<'m> {
-    /// That of a face, if it has one. `clipped` is as in [`Part::clipped`].
-    fn of(face: &Face, mesh: SurfaceMesh<'m>, clipped: Option<&Mat3>) -> Option<Self> {
+    /// Texture of a face, if it has one. `clipped` is as in [`FacePart::clipped`].
+    fn of(face: &PictureFace, mesh: SurfaceMesh<'m>, clipped: Option<&Mat3>) -> Option<Self> {
         let (image, places) = mesh.textures?.of_triangle(face.corners)?;
         let places = match clipped {
             Some(weights) => [weights.x_axis, weights.y_axis, weights.z_axis].map(|weights| {
@@ -61,7 +61,7 @@ impl<'m> FaceTexture<'m> {
             None => places,
         };
         let (area, edges) = face.edges_from([face.pixels[0], face.pixels[1]]);
-        let of = |step: fn(&Edge) -> i64| {
+        let of = |step: fn(&FaceEdge) -> i64| {
             let steps = [0, 1, 2].map(|i: usize| step(&edges[i]) as f32 / area);
             Vec3::from_array(steps) * face.inverse_w
         };
@@ -76,12 +76,12 @@ impl<'m> FaceTexture<'m> {
     }
 }
 
-impl<'m> Surface<'m> {
+impl<'m> FaceSurface<'m> {
     pub(in crate::render::cpu) fn of(
-        face: &Face,
-        part: &Part,
+        face: &PictureFace,
+        part: &FacePart,
         meshes: MeshVertices<'m>,
-        light: &Light,
+        light: &FrameLight,
     ) -> Self {
         let mesh = meshes[part.mesh];
         let vertices = mesh.vertices;
@@ -115,7 +115,7 @@ impl<'m> Surface<'m> {
         }
     }
 
-    /// Its own color where the corners have weights, which are those of a [`SurfacePlace`].
+    /// Color of the surface where the corners have weights, which are those of a [`SurfacePlace`].
     #[inline]
     pub(super) fn color_at(&self, weights: Vec3) -> Vec3 {
         match &self.texture {

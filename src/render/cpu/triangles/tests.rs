@@ -6,7 +6,7 @@ use crate::abi::constants::{
     FLAG_COLOR_BY_DEPTH, FLAG_COLOR_BY_LEVEL, FLAG_COLOR_BY_NORMAL, FLAG_PHONG,
 };
 use crate::math::octahedral;
-use crate::render::cpu::filtered::{List, draw};
+use crate::render::cpu::filtered::{DrawnSplats, draw};
 use crate::render::cpu::triangles::*;
 use bytemuck::Zeroable;
 use std::ops::Range;
@@ -33,9 +33,9 @@ fn frame(flags: u32) -> FrameConstants {
     }
 }
 
-fn light(frame: &FrameConstants, rect_px: [u32; 4], dropped_sign: i32) -> Light {
+fn light(frame: &FrameConstants, rect_px: [u32; 4], dropped_sign: i32) -> FrameLight {
     let screen = CornerScreen::new(frame, (SIZE, SIZE), 0, rect_px, dropped_sign);
-    Light::new(frame, screen).expect("a headlight")
+    FrameLight::new(frame, screen).expect("a headlight")
 }
 
 fn vertex(position: Vec3, normal: Vec3) -> Vertex {
@@ -72,10 +72,10 @@ struct Drawn {
     sums: Vec<u64>,
 }
 
-fn drawn(triangles: &Triangles, model: &Model, canvas: Canvas) -> Drawn {
+fn drawn(triangles: &CutTriangles, model: &Model, canvas: PictureArea) -> Drawn {
     let mut front = vec![7; canvas.pixels()];
     let mut sums = vec![7; canvas.pixels() * canvas.words()];
-    let list = List {
+    let list = DrawnSplats {
         splats: &[],
         meshes: &[SurfaceMesh::of(model)],
         triangles,
@@ -101,12 +101,12 @@ fn neighbors_neither_overlap_nor_leave_a_gap() {
         (250, [0, 0, SIZE, SIZE]),
     ] {
         let model = sheet(cells);
-        let canvas = Canvas {
+        let canvas = PictureArea {
             rect_px,
             is_gray: true,
         };
         let frame = frame(0);
-        let mut triangles = Triangles::default();
+        let mut triangles = CutTriangles::default();
         // Of both sides, and those that are counter-clockwise, which are all.
         for dropped in [0, 1, -1] {
             let light = light(&frame, rect_px, dropped);
@@ -129,7 +129,7 @@ fn neighbors_neither_overlap_nor_leave_a_gap() {
 #[test]
 fn a_center_on_an_edge_belongs_to_the_top_and_to_the_left() {
     let rect_px = [0, 0, SIZE, SIZE];
-    let canvas = Canvas {
+    let canvas = PictureArea {
         rect_px,
         is_gray: true,
     };
@@ -146,7 +146,7 @@ fn a_center_on_an_edge_belongs_to_the_top_and_to_the_left() {
         triangles: vec![[0, 1, 2], [2, 3, 0]],
         ..Model::default()
     };
-    let mut triangles = Triangles::default();
+    let mut triangles = CutTriangles::default();
     assert!(triangles.set(&model, &[0, 1], Some(light(&frame(0), rect_px, 0))));
     let drawn = drawn(&triangles, &model, canvas);
     for (at, sums) in (0..).zip(drawn.sums.chunks_exact(2)) {
@@ -180,9 +180,9 @@ fn depth_and_shade_are_those_of_the_plane() {
         (FLAG_COLOR_BY_PRIMITIVE | FLAG_USE_COLORS, false),
     ] {
         let frame = frame(flags);
-        let mut triangles = Triangles::default();
+        let mut triangles = CutTriangles::default();
         assert!(triangles.set(&model, &[0, 1], Some(light(&frame, rect_px, 0))));
-        let drawn = drawn(&triangles, &model, Canvas { rect_px, is_gray });
+        let drawn = drawn(&triangles, &model, PictureArea { rect_px, is_gray });
         let albedo = match flags {
             FLAG_USE_COLORS => ALBEDO * Vec3::new(1.0, 0.2, 0.0),
             _ if !is_gray => ALBEDO * TRIANGLE_TINT,
@@ -238,7 +238,7 @@ fn what_the_near_plane_cuts_is_clipped() {
     let behind_too = add(&mut model, -3.0..2.0, 0.3);
     let behind = add(&mut model, 2.0..3.0, 0.3);
     let far_out = add(&mut model, -3.0..-2.0, 2000.0);
-    let mut triangles = Triangles::default();
+    let mut triangles = CutTriangles::default();
     let mut alone = |id: u32| {
         assert!(triangles.set(&model, &[id], Some(light)));
         let mut pixels = Vec::new();
@@ -275,6 +275,6 @@ fn what_the_near_plane_cuts_is_clipped() {
         FLAG_COLOR_BY_DEPTH,
     ] {
         let frame = crate::render::cpu::triangles::tests::frame(flag | FLAG_USE_COLORS);
-        assert!(Light::new(&frame, light.screen).is_none(), "{flag}");
+        assert!(FrameLight::new(&frame, light.screen).is_none(), "{flag}");
     }
 }

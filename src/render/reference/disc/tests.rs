@@ -1,5 +1,5 @@
 use crate::math::camera::{Camera, View};
-use crate::pack::Style;
+use crate::pack::PrimitiveStyle;
 use crate::render::reference::disc::*;
 use crate::render::reference::frame::ReferenceFrame;
 use glam::{DMat4, DVec4};
@@ -31,7 +31,7 @@ fn parallel() -> View {
             DVec4::new(16.0 / 256.0, 8.0 / 256.0, 0.0, 1.0),
         ),
         y_down: false,
-        light: crate::math::camera::Light::Point,
+        light: crate::math::camera::HeadlightSource::Point,
         other: serde_json::Map::new(),
     };
     camera.view(DVec3::ZERO).unwrap()
@@ -62,7 +62,7 @@ fn patch(center: Vec3, normal: DVec3, radius: f64, thickness: f64) -> SurfacePat
 #[test]
 fn the_area_is_the_closed_form_of_a_disc_in_perspective() {
     let view = perspective(800);
-    let style = Style::default();
+    let style = PrimitiveStyle::default();
     let frame = ReferenceFrame::new(&view, &style);
     let f = f64::from(view.focal_px());
     for (center, normal, radius) in [
@@ -86,7 +86,7 @@ fn the_area_is_the_closed_form_of_a_disc_in_perspective() {
 #[test]
 fn an_orthographic_disc_is_an_ellipse_with_the_cosine_as_ratio() {
     let view = parallel();
-    let style = Style::default();
+    let style = PrimitiveStyle::default();
     let frame = ReferenceFrame::new(&view, &style);
     for cosine in [1.0f64, 0.6, 0.3, 0.02] {
         let normal = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
@@ -107,7 +107,7 @@ fn an_orthographic_disc_is_an_ellipse_with_the_cosine_as_ratio() {
 #[test]
 fn what_is_thick_or_has_no_normal_is_wider_in_the_right_direction() {
     let view = parallel();
-    let style = Style::default();
+    let style = PrimitiveStyle::default();
     let frame = ReferenceFrame::new(&view, &style);
     let at = |normal, thickness| {
         let disc = DiscFootprint::new(
@@ -131,7 +131,7 @@ fn what_is_thick_or_has_no_normal_is_wider_in_the_right_direction() {
 #[test]
 fn a_disc_smaller_than_a_pixel_is_the_pixel_of_its_center() {
     let view = parallel();
-    let style = Style::default();
+    let style = PrimitiveStyle::default();
     let frame = ReferenceFrame::new(&view, &style);
     for radius in [0.0, 1e-30, 0.1, 0.49] {
         // Center at window (138.1, 128.9).
@@ -146,7 +146,7 @@ fn a_disc_smaller_than_a_pixel_is_the_pixel_of_its_center() {
 #[test]
 fn a_disc_at_the_near_plane_faces_the_viewer() {
     let view = perspective(200);
-    let style = Style::default();
+    let style = PrimitiveStyle::default();
     let frame = ReferenceFrame::new(&view, &style);
     let radius_px = f64::from(view.focal_px()) * 0.05 / 0.12;
     let disc = DiscFootprint::new(
@@ -182,7 +182,7 @@ proptest! {
             let z = 1.0 + 3.0 * (center[2] + 1.0);
             (perspective(256), Vec3::new(center[0] * z * 0.5, center[1] * z * 0.5, -z), size * f64::from(z))
         };
-        let style = Style::default();
+        let style = PrimitiveStyle::default();
         let frame = ReferenceFrame::new(&view, &style);
         let patch = patch(center, normal, size, thickness);
         prop_assume!(is_parallel || f64::from(-center.z) - size > 0.1);

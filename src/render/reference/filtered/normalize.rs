@@ -5,7 +5,7 @@ use crate::abi::constants::{
 };
 use crate::image::Image;
 use crate::math::camera::View;
-use crate::pack::Style;
+use crate::pack::PrimitiveStyle;
 use crate::render::PictureOutputs;
 use crate::render::reference::bands::{LEAST_ALPHA, ShownPixel, picture};
 use crate::render::reference::filtered::FilteredPixel;
@@ -18,7 +18,7 @@ const LEAST_WEIGHT: f32 = 1e-6;
 /// The picture of the sums.
 pub(super) fn image(
     view: &View,
-    style: &Style,
+    style: &PrimitiveStyle,
     outputs: PictureOutputs,
     pixels: &[FilteredPixel],
 ) -> Image {
@@ -38,7 +38,7 @@ pub(super) fn image(
 /// The attachments after the second pass.
 struct FilteredSums<'a> {
     view: &'a View,
-    style: &'a Style,
+    style: &'a PrimitiveStyle,
     size: IVec2,
     /// Difference of the distances of two parts at the distance 1, view-space units.
     jump_at_1: f64,
@@ -141,7 +141,7 @@ impl FilteredSums<'_> {
         ring(1).filter_map(move |step| self.at(i, step))
     }
 
-    /// Those of the neighbors that are empty, or farther than the part of a pixel ends.
+    /// Neighbors that are empty, or farther than the part of a pixel ends.
     fn rim_neighbors(&self, i: usize, end_of_part: f64) -> RimNeighbors {
         let mut rim = RimNeighbors::default();
         for j in self.neighbors(i) {

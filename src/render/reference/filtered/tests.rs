@@ -1,6 +1,6 @@
 use crate::abi::Vertex;
 use crate::abi::constants::{FILTERED_AROUND_PX, FILTERED_JUMP};
-use crate::math::camera::{Camera, Light};
+use crate::math::camera::{Camera, HeadlightSource};
 use crate::math::octahedral;
 use crate::pack::filtered::FilteredPatch;
 use crate::render::reference::filtered::*;
@@ -51,7 +51,7 @@ fn flat_camera() -> Camera {
             DVec4::W,
         ),
         y_down: false,
-        light: Light::Point,
+        light: HeadlightSource::Point,
         other: serde_json::Map::new(),
     }
 }
@@ -87,11 +87,11 @@ fn wide(side: f32, splat: FilteredPatch) -> FilteredPatch {
     }
 }
 
-fn style(splat_size_px: f32) -> Style {
-    Style {
+fn style(splat_size_px: f32) -> PrimitiveStyle {
+    PrimitiveStyle {
         splat_size_px,
         depth_offset: 1.0,
-        ..Style::default()
+        ..PrimitiveStyle::default()
     }
 }
 
@@ -103,7 +103,7 @@ fn placed(view: &View, splats: &[FilteredPatch]) -> Vec<FilteredSplat> {
         .collect()
 }
 
-fn draw_splats(view: &View, splats: &[FilteredPatch], style: &Style) -> FilteredRendering {
+fn draw_splats(view: &View, splats: &[FilteredPatch], style: &PrimitiveStyle) -> FilteredRendering {
     let list = FilteredList {
         splats: &placed(view, splats),
         ..FilteredList::default()
@@ -184,7 +184,7 @@ fn a_splat_deposits_its_area_where_its_rectangle_overlaps_pixels() {
 
 #[test]
 fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
-    let style = Style {
+    let style = PrimitiveStyle {
         background: [0.0, 1.0, 0.0],
         ..style(1.0)
     };
@@ -507,7 +507,7 @@ fn a_constant_color_stays_constant() {
             .map(|s| FilteredPatch { color, ..s })
             .collect();
         for background in [[0.0; 3], color] {
-            let style = Style {
+            let style = PrimitiveStyle {
                 background,
                 ..style(1.7)
             };

@@ -3,7 +3,7 @@
 use crate::abi::constants::LEAST_FUZZY_WEIGHT;
 use crate::image::Image;
 use crate::math::camera::View;
-use crate::pack::{ColorBy, Style};
+use crate::pack::{ColorBy, PrimitiveStyle};
 use crate::render::PictureOutputs;
 use crate::render::reference::bands::{LEAST_ALPHA, ShownPixel, picture};
 use crate::render::reference::disc::through;
@@ -20,7 +20,7 @@ pub(super) fn image(
     pixels: &[FuzzyPixel],
 ) -> Image {
     // The sums of deferred shading hold what decides the color.
-    let style = Style {
+    let style = PrimitiveStyle {
         use_colors: frame.style.use_colors || frame.style.color_by == ColorBy::Primitive,
         color_by: ColorBy::Shading,
         ..*frame.style
@@ -81,7 +81,7 @@ impl FuzzySums<'_> {
         self.pixels[i].sum.w >= LEAST_FUZZY_WEIGHT
     }
 
-    /// Whether a pixel or one of its 8 neighbors in the picture shows nothing.
+    /// Tells whether a pixel or one of its 8 neighbors in the picture shows nothing.
     fn is_rim(&self, i: usize) -> bool {
         let (width, height) = (
             self.frame.view.width as usize,

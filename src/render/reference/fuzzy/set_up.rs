@@ -2,7 +2,7 @@
 
 use crate::abi::{Vertex, WeightedSplat, constants};
 use crate::math::octahedral;
-use crate::pack::{ColorBy, Footprint, Lighting};
+use crate::pack::{ColorBy, Footprint, SurfaceLighting};
 use crate::render::reference::disc::{DiscFootprint, SurfacePatch};
 use crate::render::reference::frame::{PlacedVertex, ReferenceFrame};
 use crate::render::reference::fuzzy::{FragmentDepth, FragmentShare};
@@ -180,8 +180,8 @@ pub(super) fn share(frame: &ReferenceFrame, point: &SurfacePoint) -> FragmentSha
     };
     let cosine = in_view.dot(frame.to_eye(view.transform_point3(point.position)));
     let is_back = match style.light {
-        Lighting::Headlight => cosine < 0.0,
-        Lighting::Phong(_) | Lighting::Sphere(_) => {
+        SurfaceLighting::Headlight => cosine < 0.0,
+        SurfaceLighting::Phong(_) | SurfaceLighting::Sphere(_) => {
             cosine < -f64::from(constants::LEAST_BACK) && !style.cull_back_faces
         }
     };

@@ -6,9 +6,9 @@ use crate::abi::{FuzzySplat, Splat, WeightedSplat};
 use crate::cut::SizeMetric;
 use crate::math::camera::Camera;
 use crate::math::octahedral;
-use crate::pack::fuzzy::Look;
-use crate::pack::splats::Plan;
-use crate::pack::{Footprint, Lamp, Lighting, Phong};
+use crate::pack::fuzzy::FuzzyLook;
+use crate::pack::splats::SplatPlan;
+use crate::pack::{Footprint, Lamp, Phong, SurfaceLighting};
 use crate::render::reference::fuzzy::set_up::LEAST_DEPOSIT;
 use crate::render::reference::fuzzy::*;
 use crate::render::reference::splat::SplatFootprint;
@@ -37,8 +37,8 @@ fn views() -> [View; 3] {
     [perspective, mirrored, parallel]
 }
 
-fn plan(footprint: Footprint) -> Plan {
-    Plan {
+fn plan(footprint: Footprint) -> SplatPlan {
+    SplatPlan {
         footprint,
         threshold_px: 3.0,
         size: SizeMetric::Exact,
@@ -51,8 +51,12 @@ fn plan(footprint: Footprint) -> Plan {
 }
 
 /// How a frame looks, and the same for packing.
-fn looks(footprint: Footprint, light: Lighting, two_sided: bool) -> (Style, Look) {
-    let style = Style {
+fn looks(
+    footprint: Footprint,
+    light: SurfaceLighting,
+    two_sided: bool,
+) -> (PrimitiveStyle, FuzzyLook) {
+    let style = PrimitiveStyle {
         splat_size_px: 3.0,
         footprint,
         is_gauss: footprint == Footprint::Oriented,
@@ -60,9 +64,9 @@ fn looks(footprint: Footprint, light: Lighting, two_sided: bool) -> (Style, Look
         depth_offset: 1.5,
         two_sided,
         light,
-        ..Style::default()
+        ..PrimitiveStyle::default()
     };
-    let look = Look {
+    let look = FuzzyLook {
         is_gauss: style.is_gauss,
         depth_offset: style.depth_offset,
         two_sided,
@@ -142,14 +146,14 @@ fn color(record: &FuzzySplat, has_lamp: bool) -> Vec3 {
 #[test]
 fn records_for_compute_have_the_place_the_footprint_and_the_color_of_the_mirror() {
     let at = |position| {
-        Lighting::Phong(Phong {
+        SurfaceLighting::Phong(Phong {
             lamp: Lamp::At(position),
             ..Phong::default()
         })
     };
     let lights = [
-        Lighting::Headlight,
-        Lighting::Phong(Phong::default()),
+        SurfaceLighting::Headlight,
+        SurfaceLighting::Phong(Phong::default()),
         at(DVec3::new(0.2, 1.4, -0.3)),
     ];
     let mut compared = [0; 3];
@@ -177,7 +181,7 @@ fn records_for_compute_have_the_place_the_footprint_and_the_color_of_the_mirror(
                     assert!(off <= 2e-6, "{what}: depth off by {off}");
                     let off = (record.pushed_depth - first.fragment).abs();
                     assert!(off <= 2e-6, "{what}: pushed depth off by {off}");
-                    let off = (color(&record, light != Lighting::Headlight)
+                    let off = (color(&record, light != SurfaceLighting::Headlight)
                         - second.fragment.share.color)
                         .abs()
                         .max_element();
@@ -242,7 +246,7 @@ fn records_for_compute_have_the_place_the_footprint_and_the_color_of_the_mirror(
 #[test]
 fn what_lies_nowhere_covers_nothing_and_what_is_large_is_left() {
     for view in views() {
-        let (_, look) = looks(Footprint::Oriented, Lighting::Headlight, true);
+        let (_, look) = looks(Footprint::Oriented, SurfaceLighting::Headlight, true);
         let plan = plan(Footprint::Oriented);
         let to_model = view.view_from_model.inverse();
         let splat = |distance: f32, radius_px: f32, area: f32| {
@@ -276,7 +280,7 @@ fn what_lies_nowhere_covers_nothing_and_what_is_large_is_left() {
             assert!(!record.window_px[0].is_finite(), "{bad}: {record:?}");
         }
         // With an offset of 0 a splat is not behind itself.
-        let look = Look {
+        let look = FuzzyLook {
             depth_offset: 0.0,
             ..look
         };

@@ -14,7 +14,7 @@ const ENOUGH: usize = 4;
 /// No radius from a density is larger, pixels.
 const LARGEST_RADIUS: f32 = 24.0;
 
-/// Whether two fronts may belong to one surface.
+/// Tells whether two fronts may belong to one surface.
 fn is_one_surface(a: [f32; 2], b: [f32; 2]) -> bool {
     (a[0] - b[0]).abs() <= 2.0 * a[1].min(b[1])
 }

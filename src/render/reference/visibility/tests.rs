@@ -221,7 +221,7 @@ proptest! {
         let mut other = splats.clone();
         other.reverse();
         other.rotate_left(turn % splats.len());
-        let style = Style { splat_size_px: size, depth_offset: 1.0, ..Style::default() };
+        let style = PrimitiveStyle { splat_size_px: size, depth_offset: 1.0, ..PrimitiveStyle::default() };
         let outputs = PictureOutputs { depth: true, normal: true, values: false };
         for reconstruction in ALL {
             let filling = HoleFilling { reconstruction, largest_px: f32::INFINITY };
@@ -261,7 +261,7 @@ fn degenerate_splats_draw_nothing() {
             largest_px: 1.0,
         };
         let outputs = PictureOutputs::default();
-        let drawn = render_visibility(&view(), &list, &Style::default(), filling, outputs);
+        let drawn = render_visibility(&view(), &list, &PrimitiveStyle::default(), filling, outputs);
         assert_eq!(drawn.image.covered_pixels(), 0);
         assert!(
             drawn

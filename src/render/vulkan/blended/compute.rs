@@ -9,7 +9,7 @@
 //! begin from, and its sums are added to theirs.
 
 use crate::abi::specialization::{HAS_LAMP, HAS_LARGE, IS_GRAY, IS_PUSHED};
-use crate::abi::{ConstantValue, FilteredSplat, FuzzySplat, Shader, shaders};
+use crate::abi::{CompiledShader, ConstantValue, FilteredSplat, FuzzySplat, shaders};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
 use crate::gpu::frame::{FrameRecorder, PassBuilder, TargetLoad, UniformBlock};
@@ -42,9 +42,9 @@ struct PassNames {
 #[derive(Debug)]
 pub(crate) struct BlendedKind {
     passes: PassNames,
-    depth: &'static Shader,
-    blend: &'static Shader,
-    normalize: &'static Shader,
+    depth: &'static CompiledShader,
+    blend: &'static CompiledShader,
+    normalize: &'static CompiledShader,
     /// Bytes of a splat.
     record: u64,
     /// Triangles are pushed away in the first pass, as splats are.

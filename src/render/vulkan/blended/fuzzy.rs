@@ -8,7 +8,7 @@
 use crate::abi::specialization::{
     HAS_COVERAGE, HAS_LAMP, IS_DEFERRED, IS_GAUSS, IS_ORIENTED, IS_QUAD, IS_SQUARE, IS_WIDENED,
 };
-use crate::abi::{ConstantValue, FuzzySplat, Shader, WeightedSplat, shaders};
+use crate::abi::{CompiledShader, ConstantValue, FuzzySplat, WeightedSplat, shaders};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::{DeviceImage as Target, ImageFormat};
 use crate::gpu::pipeline::{
@@ -55,7 +55,7 @@ pub(crate) struct FuzzyVariant {
     has_coverage: bool,
     /// From the vertices of the mesh instead of a draw list.
     pub(crate) from_vertices: bool,
-    /// They are oriented polygons.
+    /// The splats are oriented polygons.
     are_polygons: bool,
     /// A lamp lights the surface instead of the headlight.
     has_lamp: bool,
@@ -69,7 +69,7 @@ pub(crate) struct FuzzyVariant {
 }
 
 impl FuzzyVariant {
-    /// That of `settings` for a model with or without triangles.
+    /// Variant of `settings` for a model with or without triangles.
     ///
     /// # Errors
     /// When 32-bit sums are asked for and the device cannot blend them.
@@ -263,7 +263,7 @@ impl FuzzyPasses {
         // A square needs no outline.
         let outline =
             (variant.footprint != Footprint::Square).then_some(&shaders::FUZZY_DEPTH_FRAG);
-        let (depth_vertex, blend_vertex, record): (&Shader, &Shader, VertexRecord) =
+        let (depth_vertex, blend_vertex, record): (&CompiledShader, &CompiledShader, VertexRecord) =
             if variant.from_vertices {
                 (
                     &shaders::FUZZY_DEPTH_POINTS_VERT,

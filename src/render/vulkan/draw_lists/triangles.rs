@@ -87,7 +87,7 @@ pub(super) fn write<T: bytemuck::Pod + Send>(
     [so_far.large, so_far.small] = written;
 }
 
-/// Whether a leaf's bounding sphere is wholly in front of the near plane and at most `most_px` pixels wide.
+/// Tells whether a leaf's bounding sphere is wholly in front of the near plane and at most `most_px` pixels wide.
 pub(super) fn are_small_on_screen<'a>(
     model: &'a Model,
     view: &View,

@@ -45,7 +45,7 @@ pub(crate) struct ChosenLists<'a> {
 /// What shades what each pixel kept.
 #[derive(Debug)]
 struct ResolvePipelines {
-    /// Those of a frame in another light than the headlight, or that shows data; else none.
+    /// Flags of a frame in another light than the headlight, or that shows data; else none.
     lamp_flags: Option<u32>,
     splats: ShaderPipeline,
     triangles: ShaderPipeline,
@@ -58,10 +58,10 @@ const MOST_RESOLVE: usize = 8;
 #[derive(Debug)]
 pub(crate) struct ComputeRasterizer {
     gpu: Arc<Gpu>,
-    /// Those that were asked for.
+    /// Pipelines that were asked for.
     splats: Vec<(ComputeVariant, ShaderPipeline)>,
     triangles: ShaderPipeline,
-    /// Those that were asked for, the last one last.
+    /// Pipelines that were asked for, the last one last.
     resolve: Vec<ResolvePipelines>,
     keys: DeviceBuffer,
     max_binding: u64,

@@ -12,7 +12,7 @@ pub(crate) struct ComputeVariant {
     pub(super) footprint: Footprint,
     /// Where none has a size of its own that of all, rounded up to pixels; else 0.
     pub(super) side_px: u32,
-    /// Those of the frame that a footprint in the plane of the surface asks for.
+    /// Flags of the frame that a footprint in the plane of the surface asks for.
     pub(super) flags: u32,
 }
 

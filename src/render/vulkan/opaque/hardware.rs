@@ -3,7 +3,7 @@
 //! A footprint up to the device's largest point is a point sprite; a larger one is a quad with the same shaders.
 
 use crate::abi::specialization::{IS_ORIENTED, IS_QUAD};
-use crate::abi::{Shader, shaders};
+use crate::abi::{CompiledShader, shaders};
 use crate::gpu::buffer::DeviceBuffer;
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::pipeline::{
@@ -61,7 +61,7 @@ impl OpaqueSplats {
         targets: &FrameTargets,
     ) -> Result<Self, Error> {
         let is_square = footprint == Footprint::Square;
-        let (vertex, record): (&Shader, VertexRecord) = match (source, is_square) {
+        let (vertex, record): (&CompiledShader, VertexRecord) = match (source, is_square) {
             (SplatSource::List, true) => (&shaders::SPLATS_SQUARE_VERT, SPLAT),
             (SplatSource::List, false) => (&shaders::SPLATS_ROUND_VERT, SPLAT),
             (SplatSource::Vertices, true) => (&shaders::POINTS_DRAW_VERT, VERTEX),

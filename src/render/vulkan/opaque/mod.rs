@@ -3,6 +3,7 @@
 pub(crate) mod compute;
 pub(crate) mod compute_variant;
 pub mod hardware;
+pub(crate) mod polygon_variant;
 pub(crate) mod polygons;
 pub(crate) mod polygons_by_compute;
 pub mod triangle_runs;

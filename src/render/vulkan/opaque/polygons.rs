@@ -1,45 +1,26 @@
 //! Oriented polygons: splats cut at sharp edges as fans of their corners, patches of a cut by error as rectangles whose pixels
 //! ask for the footprint. The nearest wins.
 
-use crate::abi::{OrientedPolygon, Shader, ShaderVariants, shaders};
+use crate::abi::{CompiledShader, OrientedPolygon, ShaderVariants, shaders};
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::{DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline};
 use crate::gpu::{Error, Gpu};
-use crate::render::settings::PolygonSource;
 use crate::render::vulkan::POLYGON;
+use crate::render::vulkan::opaque::polygon_variant::{PolygonKind, PolygonVariant};
 use crate::render::vulkan::opaque::polygons_by_compute::PolygonCompute;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
 
-/// What decides the pipelines.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct PolygonVariant {
-    pub(crate) kind: PolygonKind,
-    /// Those of the frame.
-    pub(crate) flags: u32,
-    /// Compute draws them, not the rasterizer.
-    pub(crate) by_compute: bool,
-}
-
-/// What the polygons of a frame are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum PolygonKind {
-    /// Splats from vertices: they may reach behind the eye, and have no thickness.
-    Splats,
-    /// Patches of a cut: in front of the near plane, and widened by what their thickness shows.
-    Patches,
-}
-
 /// The passes of one kind of polygons.
 #[derive(Debug)]
 pub(crate) struct PolygonPasses {
-    /// What they were made for.
+    /// Variant that they were made for.
     pub(crate) variant: PolygonVariant,
     drawer: PolygonDrawer,
 }
 
-/// What draws polygons.
+/// Drawer of polygons.
 #[derive(Debug)]
 enum PolygonDrawer {
     Rasterizer(ShaderPipeline),
@@ -108,18 +89,19 @@ fn pipeline(
     PolygonVariant { kind, flags, .. }: PolygonVariant,
     targets: &FrameTargets,
 ) -> Result<ShaderPipeline, Error> {
-    let (vertex, fragment, topology): (&Shader, ShaderVariants, PrimitiveTopology) = match kind {
-        PolygonKind::Splats => (
-            &shaders::POLYGONS_SPLATS_VERT,
-            shaders::POLYGONS_SPLATS_FRAG,
-            PrimitiveTopology::Fans,
-        ),
-        PolygonKind::Patches => (
-            &shaders::POLYGONS_PATCHES_VERT,
-            shaders::POLYGONS_PATCHES_FRAG,
-            PrimitiveTopology::Quads,
-        ),
-    };
+    let (vertex, fragment, topology): (&CompiledShader, ShaderVariants, PrimitiveTopology) =
+        match kind {
+            PolygonKind::Splats => (
+                &shaders::POLYGONS_SPLATS_VERT,
+                shaders::POLYGONS_SPLATS_FRAG,
+                PrimitiveTopology::Fans,
+            ),
+            PolygonKind::Patches => (
+                &shaders::POLYGONS_PATCHES_VERT,
+                shaders::POLYGONS_PATCHES_FRAG,
+                PrimitiveTopology::Quads,
+            ),
+        };
     let description = PipelineDescription {
         name: kind.pass(),
         vertex,
@@ -132,24 +114,6 @@ fn pipeline(
         is_additive: false,
     };
     ShaderPipeline::for_flags(gpu, &description, flags)
-}
-
-impl PolygonKind {
-    /// That of a source.
-    pub(crate) fn of(source: PolygonSource) -> Self {
-        match source {
-            PolygonSource::Vertices(_) => Self::Splats,
-            PolygonSource::Patches(_) => Self::Patches,
-        }
-    }
-
-    /// Name of the pass.
-    fn pass(self) -> &'static str {
-        match self {
-            Self::Splats => "polygons.splats",
-            Self::Patches => "polygons.patches",
-        }
-    }
 }
 
 /// The shaders have eight corners.

@@ -16,7 +16,7 @@ use crate::gpu::{Error, Gpu};
 use crate::render::compute_limits::storage_bytes;
 use crate::render::screen_bounds;
 use crate::render::technique::Technique;
-use crate::render::vulkan::opaque::polygons::{PolygonKind, PolygonVariant};
+use crate::render::vulkan::opaque::polygon_variant::{PolygonKind, PolygonVariant};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::{Context, FrameTargets};

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 /// as one after the other draws.
 #[derive(Debug, Clone)]
 pub struct DevicePhotos {
-    /// Those that were chosen.
+    /// Photographs that were chosen.
     pub frame: Arc<FramePhotos>,
     /// Where they lie.
     pub pool: Arc<Mutex<PhotoPool>>,

@@ -6,7 +6,7 @@ use crate::abi::specialization::{
     HAS_CONSENSUS, HAS_LENSES, HAS_MASKS, HAS_SURFACE_NORMALS, MARKS_UNCOVERED, PHOTO_VISIBILITY,
     SHOWS_SOURCE, WEIGHT_DIRECTION, WEIGHT_FORM,
 };
-use crate::abi::{ConstantValue, PhotoGroup, PhotoHeader, PhotoTable, Shader, shaders};
+use crate::abi::{CompiledShader, ConstantValue, PhotoGroup, PhotoHeader, PhotoTable, shaders};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::{DeviceImage as Target, ImageFormat};
@@ -104,7 +104,7 @@ impl PhotoVariant {
 /// A pipeline that covers the picture.
 fn pipeline(
     gpu: &Arc<Gpu>,
-    (name, fragment): (&'static str, &'static Shader),
+    (name, fragment): (&'static str, &'static CompiledShader),
     constants: &[ConstantValue],
     color: ImageFormat,
 ) -> Result<ShaderPipeline, Error> {

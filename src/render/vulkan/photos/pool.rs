@@ -43,7 +43,7 @@ pub(crate) struct PixelsPlace {
 /// Where a depth map lies.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct MapPlace {
-    /// Its first word.
+    /// First word of the map.
     pub(crate) first: u32,
     /// Width and height; zeros without a map.
     pub(crate) size: [u32; 2],
@@ -164,7 +164,7 @@ impl PhotoPool {
         &self.buffer
     }
 
-    /// Whether a frame would be sharper than the last, since its photographs were not all copied.
+    /// Tells whether a frame would be sharper than the last, since its photographs were not all copied.
     pub fn is_behind(&self) -> bool {
         self.is_behind
     }

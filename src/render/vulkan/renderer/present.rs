@@ -9,7 +9,7 @@ use crate::gpu::overlay::WindowOverlay;
 use crate::gpu::surface::AcquiredImage;
 use crate::image::Image;
 use crate::math::camera::View;
-use crate::pack::Lighting;
+use crate::pack::SurfaceLighting;
 use crate::render::compute_limits::largest_threshold_px;
 use crate::render::cost::choose::{ComputeShare, FrameWorkload};
 use crate::render::cost::select_passes::PassSelection;
@@ -243,7 +243,7 @@ impl VulkanRenderer {
             background,
             cull_back: false,
             is_mirrored: false,
-            light: Lighting::Headlight,
+            light: SurfaceLighting::Headlight,
             depth_range: [0.0, 1.0],
         };
         self.looks.forget();

@@ -10,7 +10,7 @@
 //! a step in depth, and a hole that nothing fills shows the footprint that made it.
 
 use crate::abi::specialization::{IS_CENTER, IS_QUAD};
-use crate::abi::{Shader, shaders};
+use crate::abi::{CompiledShader, shaders};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::pipeline::{
@@ -74,7 +74,7 @@ fn first_pass(
     gpu: &Arc<Gpu>,
     (normals, flags): (bool, u32),
     is_center: bool,
-    (vertex, record): (&Shader, VertexRecord),
+    (vertex, record): (&CompiledShader, VertexRecord),
     topology: PrimitiveTopology,
 ) -> Result<ShaderPipeline, Error> {
     let formats = [PICKED, FRONTS, NORMAL];

@@ -1,6 +1,6 @@
 //! What the passes of visibility splats draw into.
 
-use crate::abi::{Shader, shaders};
+use crate::abi::{CompiledShader, shaders};
 use crate::gpu::frame::{FrameRecorder, PassBuilder, TargetLoad};
 use crate::gpu::image::ImageFormat;
 use crate::gpu::pipeline::{
@@ -20,7 +20,7 @@ pub(crate) const FRONTS: ImageFormat = ImageFormat::Rg32Float;
 pub(crate) fn last_pass(
     gpu: &Arc<Gpu>,
     name: &str,
-    fragment: &Shader,
+    fragment: &CompiledShader,
 ) -> Result<ShaderPipeline, Error> {
     ShaderPipeline::new(
         gpu,

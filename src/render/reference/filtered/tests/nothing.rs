@@ -4,7 +4,7 @@ use crate::render::reference::filtered::tests::*;
 
 #[test]
 fn nothing_and_nonsense_draw_the_background() {
-    let style = Style {
+    let style = PrimitiveStyle {
         background: [1.0, 0.5, 0.0],
         ..style(2.0)
     };
@@ -44,7 +44,7 @@ fn nothing_and_nonsense_draw_the_background() {
     let got = draw_splats(
         &flat(),
         &spoiled,
-        &Style {
+        &PrimitiveStyle {
             splat_size_px: 1.0,
             ..style
         },

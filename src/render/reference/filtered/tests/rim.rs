@@ -128,7 +128,7 @@ fn before_a_farther_part_the_rim_shows_that_part() {
         splat([9.5, 11.5, 50.0], GREEN, 1.0),
         splat([10.5, 9.5, 50.0], GREEN, 1.0),
     ];
-    let style = Style {
+    let style = PrimitiveStyle {
         background: [0.0, 0.0, 1.0],
         ..style(1.0)
     };

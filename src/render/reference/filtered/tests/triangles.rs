@@ -47,7 +47,7 @@ fn triangles_alone_look_as_in_one_pass() {
     let shift = near.vertices.len() as u32;
     let shifted = behind.triangles.iter().map(|t| t.map(|i| i + shift));
     let triangles: Vec<[u32; 3]> = near.triangles.iter().copied().chain(shifted).collect();
-    let style = Style {
+    let style = PrimitiveStyle {
         background: [0.1, 0.2, 0.3],
         ..style(2.0)
     };
@@ -164,7 +164,7 @@ fn backs_are_in_no_pass_when_they_are_culled() {
                 splats: &[],
                 textures: None,
             };
-            let style = Style {
+            let style = PrimitiveStyle {
                 cull_back_faces: cull,
                 ..style(2.0)
             };
@@ -185,7 +185,7 @@ fn backs_are_in_no_pass_when_they_are_culled() {
 
 #[test]
 fn a_mirrored_view_gives_the_mirrored_picture() {
-    let style = Style {
+    let style = PrimitiveStyle {
         cull_back_faces: true,
         ..style(2.5)
     };

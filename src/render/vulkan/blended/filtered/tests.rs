@@ -11,11 +11,11 @@ use crate::math::camera::{Camera, View};
 use crate::pack::FilteredList;
 use crate::pack::filtered::FilteredPatch;
 use crate::pack::filtered::ScreenGroups;
-use crate::pack::splats::Packed;
+use crate::pack::splats::PackedSplats;
 use crate::render::PictureOutputs;
 use crate::render::cost::choose::ComputeShare;
 use crate::render::cpu::filtered;
-use crate::render::cpu::filtered::Canvas;
+use crate::render::cpu::filtered::PictureArea;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
 use crate::render::engine::style;
 use crate::render::frame_constants::frame_constants;
@@ -109,7 +109,7 @@ fn picture(
     let constants = frame
         .uniform(&frame_constants(view, &settings(), &context))
         .unwrap();
-    let packed = Packed {
+    let packed = PackedSplats {
         points: splats.len(),
         quads: 0,
     };
@@ -168,14 +168,14 @@ fn picture_by_cpu(
     rect_px: [u32; 4],
     is_gray: bool,
 ) -> Vec<[u8; 4]> {
-    let canvas = Canvas { rect_px, is_gray };
-    let list = filtered::List {
+    let canvas = PictureArea { rect_px, is_gray };
+    let list = filtered::DrawnSplats {
         splats: &[filtered::GroupedSplats {
             splats,
             groups: &ScreenGroups::of(splats),
         }],
         meshes: &[],
-        triangles: &filtered::Triangles::default(),
+        triangles: &filtered::CutTriangles::default(),
     };
     let mut front = vec![0; canvas.pixels()];
     let mut sums = vec![0; canvas.pixels() * canvas.words()];
