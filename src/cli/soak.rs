@@ -66,27 +66,34 @@ struct MinuteFigures {
     sessions: u64,
     frames: u64,
     longest_ms: f64,
-    /// Least resident memory between its sessions, bytes; 0 where none ended in it.
-    resident: u64,
+    /// Least memory held between its sessions, bytes; 0 where none ended in it.
+    held: u64,
 }
 
 impl MinuteFigures {
-    fn add(&mut self, figures: &RunFigures, resident: u64) {
+    fn add(&mut self, figures: &RunFigures, held: u64) {
         self.sessions += 1;
         self.frames += figures.frames;
         self.longest_ms = self.longest_ms.max(figures.longest_ms);
-        if self.resident == 0 || resident < self.resident {
-            self.resident = resident;
+        if self.held == 0 || held < self.held {
+            self.held = held;
         }
     }
 }
 
-/// Memory of this process that is in RAM, bytes; `None` where the system does not tell.
-fn resident_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmRSS:"))?;
-    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kilobytes * 1024)
+/// Memory of this process that is in RAM and in no file, bytes: what it holds. Pages of programs and libraries come in as code is
+/// first run, and the system takes them back; they are not counted. `None` where the system does not tell.
+fn held_bytes() -> Option<u64> {
+    held_of(&std::fs::read_to_string("/proc/self/status").ok()?)
+}
+
+/// The same of the text of `/proc/self/status`.
+fn held_of(status: &str) -> Option<u64> {
+    let kilobytes = |name: &str| -> Option<u64> {
+        let line = status.lines().find_map(|line| line.strip_prefix(name))?;
+        line.trim().strip_suffix("kB")?.trim().parse().ok()
+    };
+    Some((kilobytes("RssAnon:")? + kilobytes("RssShmem:")?) * 1024)
 }
 
 /// Writes the small files that sessions drop into `folder`: good ones and bad ones. Names of generators are among them.
@@ -196,8 +203,8 @@ fn play(
 /// left out. `None` below three further minutes. A least is no average: what a session leaves behind for a while does not count,
 /// and what every session leaves behind does.
 fn growth(minutes: &[MinuteFigures]) -> Option<f64> {
-    let later: Vec<u64> = (minutes.iter().skip(1).map(|m| m.resident))
-        .filter(|&resident| resident > 0)
+    let later: Vec<u64> = (minutes.iter().skip(1).map(|m| m.held))
+        .filter(|&held| held > 0)
         .collect();
     let third = later.len() / 3;
     let before = *later[..third].iter().min()?;
@@ -212,7 +219,7 @@ fn row(minute: usize, figures: &MinuteFigures) -> String {
         figures.sessions,
         figures.frames,
         figures.longest_ms,
-        bytes(figures.resident)
+        bytes(figures.held)
     )
 }
 
@@ -245,7 +252,7 @@ pub(crate) fn run(args: &SoakArgs, quiet: bool) -> Outcome {
     let start = Instant::now();
     let mut minutes: Vec<MinuteFigures> = Vec::new();
     let mut now = MinuteFigures::default();
-    print("minute  sessions   frames  longest ms    resident\n")?;
+    print("minute  sessions   frames  longest ms        held\n")?;
     for count in 0.. {
         let number = args.session.unwrap_or(count);
         let made = std::fs::create_dir_all(&pictures);
@@ -269,16 +276,10 @@ pub(crate) fn run(args: &SoakArgs, quiet: bool) -> Outcome {
             .and_then(|()| std::fs::remove_dir_all(&pictures))
             .map_err(|e| CommandFailure::Run(e.into()))?;
         if !quiet {
-            let resident = bytes(resident_bytes().unwrap_or(0));
-            tracing::info!(
-                number,
-                figures.frames,
-                figures.longest_ms,
-                resident,
-                "session"
-            );
+            let held = bytes(held_bytes().unwrap_or(0));
+            tracing::info!(number, figures.frames, figures.longest_ms, held, "session");
         }
-        now.add(&figures, resident_bytes().unwrap_or(0));
+        now.add(&figures, held_bytes().unwrap_or(0));
         let elapsed = start.elapsed();
         let is_over = is_interrupted() || elapsed >= Duration::from_secs_f64(args.minutes * 60.0);
         if is_over || elapsed.as_secs() / 60 > minutes.len() as u64 {
@@ -306,10 +307,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn pages_of_files_are_not_held() {
+        let status = "Name:\tsurfel\nVmRSS:\t  140940 kB\nRssAnon:\t   39128 kB\nRssFile:\t   88320 kB\nRssShmem:\t   13492 kB\n";
+        assert_eq!(held_of(status), Some((39128 + 13492) * 1024));
+        assert_eq!(held_of("VmRSS:\t 12 kB\n"), None);
+    }
+
+    #[test]
     fn growth_is_that_of_what_every_session_leaves_behind() {
         let of = |megabytes: &[u64]| {
-            let minute = |&resident: &u64| MinuteFigures {
-                resident: resident << 20,
+            let minute = |&held: &u64| MinuteFigures {
+                held: held << 20,
                 ..MinuteFigures::default()
             };
             growth(&megabytes.iter().map(minute).collect::<Vec<_>>())
