@@ -73,9 +73,13 @@ faults:
 	$(CARGO) test --locked $(FEATURES) --test cli -- --nocapture write_faults
 
 # The C library is told to give freed memory back: what is left is what the program holds.
+# The C library of Linux keeps memory that was freed; jemalloc (Debian's libjemalloc2) gives it back, where it is there.
+JEMALLOC ?= $(firstword $(wildcard /usr/lib/*/libjemalloc.so.2))
+
 soak:
 	$(CARGO) build --release --locked $(FEATURES)
-	MALLOC_ARENA_MAX=2 MALLOC_MMAP_THRESHOLD_=131072 \
+	LD_PRELOAD=$(JEMALLOC) MALLOC_CONF=narenas:1,tcache:false,dirty_decay_ms:0,muzzy_decay_ms:0 \
+		MALLOC_ARENA_MAX=2 MALLOC_MMAP_THRESHOLD_=131072 \
 		$(BIN) soak --minutes $(MINUTES) --seed $(SEED) $(ARGS)
 
 package-test:

@@ -453,7 +453,7 @@ mod tests {
         for damage in [
             text[..text.len() / 2].to_owned(),
             String::new(),
-            text.replace("\"device\": \"mirror\"", "\"device\": \"other\""),
+            text.replace("\"device\": \"reference\"", "\"device\": \"other\""),
             text.replace("\"pop\"", "\"pup\""),
             text.replace("\"frame_ms\": 100.0", "\"frame_ms\": -1.0"),
             text.replace("\"fill\": 0.5", "\"unknown\": 0.5"),

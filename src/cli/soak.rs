@@ -3,8 +3,8 @@
 //! A run is a row of sessions. Each opens a device and the window (or its replay without one), plays a recording made from
 //! the seed, and closes all of it. Memory is measured between sessions, where nothing is open.
 //!
-//! The C library of Linux keeps freed memory for later, more and more of it in programs of many threads. `MALLOC_ARENA_MAX`
-//! and `MALLOC_MMAP_THRESHOLD_` make it give that back, so that what is left is what the program holds (docs/TRUST.md).
+//! The C library of Linux keeps freed memory for later, more and more of it in programs of many threads. jemalloc gives it back
+//! where it is loaded before (`make soak`), so that what is left is what the program holds (docs/TRUST.md).
 
 use super::progress::is_interrupted;
 use super::soak_input::{SeededNumbers, session};
@@ -66,34 +66,61 @@ struct MinuteFigures {
     sessions: u64,
     frames: u64,
     longest_ms: f64,
-    /// Least memory held between its sessions, bytes; 0 where none ended in it.
-    held: u64,
+    /// Least memory held between its sessions; nothing where none ended in it.
+    held: HeldMemory,
 }
 
 impl MinuteFigures {
-    fn add(&mut self, figures: &RunFigures, held: u64) {
+    fn add(&mut self, figures: &RunFigures, held: HeldMemory) {
         self.sessions += 1;
         self.frames += figures.frames;
         self.longest_ms = self.longest_ms.max(figures.longest_ms);
-        if self.held == 0 || held < self.held {
+        if self.held.data == 0 || held.data < self.held.data {
             self.held = held;
         }
     }
 }
 
-/// Memory of this process that is in RAM and in no file, bytes: what it holds. Pages of programs and libraries come in as code is
-/// first run, and the system takes them back; they are not counted. `None` where the system does not tell.
-fn held_bytes() -> Option<u64> {
-    held_of(&std::fs::read_to_string("/proc/self/status").ok()?)
+/// Memory of this process that is in RAM and in no file, bytes. Pages of programs and libraries come in as code is first run, and
+/// the system takes them back; they are not counted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct HeldMemory {
+    /// Data.
+    data: u64,
+    /// Machine code that a driver made of shaders.
+    code: u64,
 }
 
-/// The same of the text of `/proc/self/status`.
-fn held_of(status: &str) -> Option<u64> {
-    let kilobytes = |name: &str| -> Option<u64> {
-        let line = status.lines().find_map(|line| line.strip_prefix(name))?;
-        line.trim().strip_suffix("kB")?.trim().parse().ok()
-    };
-    Some((kilobytes("RssAnon:")? + kilobytes("RssShmem:")?) * 1024)
+impl HeldMemory {
+    /// That of now; nothing where the system does not tell.
+    fn now() -> Self {
+        Self::of(&std::fs::read_to_string("/proc/self/smaps").unwrap_or_default())
+    }
+
+    /// That of the text of `/proc/self/smaps`.
+    fn of(smaps: &str) -> Self {
+        let mut held = Self::default();
+        let (mut is_code, mut is_shared) = (false, false);
+        for line in smaps.lines() {
+            let mut words = line.split_ascii_whitespace();
+            let (Some(first), Some(second)) = (words.next(), words.next()) else {
+                continue;
+            };
+            if !first.ends_with(':') {
+                // A mapping begins: its range, its rights, and at the end its file.
+                is_code = second.contains('x') && !line.contains('/');
+                is_shared = second.ends_with('s') && line.contains("/memfd:");
+            } else if first == (if is_shared { "Rss:" } else { "Anonymous:" }) {
+                let bytes = 1024 * second.parse().unwrap_or(0);
+                *(if is_code {
+                    &mut held.code
+                } else {
+                    &mut held.data
+                }) += bytes;
+            }
+        }
+        held
+    }
 }
 
 /// Writes the small files that sessions drop into `folder`: good ones and bad ones. Names of generators are among them.
@@ -203,7 +230,7 @@ fn play(
 /// left out. `None` below three further minutes. A least is no average: what a session leaves behind for a while does not count,
 /// and what every session leaves behind does.
 fn growth(minutes: &[MinuteFigures]) -> Option<f64> {
-    let later: Vec<u64> = (minutes.iter().skip(1).map(|m| m.held))
+    let later: Vec<u64> = (minutes.iter().skip(1).map(|m| m.held.data))
         .filter(|&held| held > 0)
         .collect();
     let third = later.len() / 3;
@@ -215,11 +242,12 @@ fn growth(minutes: &[MinuteFigures]) -> Option<f64> {
 /// A line of the table.
 fn row(minute: usize, figures: &MinuteFigures) -> String {
     format!(
-        "{minute:>6}  {:>8}  {:>7}  {:>10.0}  {:>10}\n",
+        "{minute:>6}  {:>8}  {:>7}  {:>10.0}  {:>10}  {:>10}\n",
         figures.sessions,
         figures.frames,
         figures.longest_ms,
-        bytes(figures.held)
+        bytes(figures.held.data),
+        bytes(figures.held.code)
     )
 }
 
@@ -252,7 +280,7 @@ pub(crate) fn run(args: &SoakArgs, quiet: bool) -> Outcome {
     let start = Instant::now();
     let mut minutes: Vec<MinuteFigures> = Vec::new();
     let mut now = MinuteFigures::default();
-    print("minute  sessions   frames  longest ms        held\n")?;
+    print("minute  sessions   frames  longest ms        held        code\n")?;
     for count in 0.. {
         let number = args.session.unwrap_or(count);
         let made = std::fs::create_dir_all(&pictures);
@@ -276,10 +304,10 @@ pub(crate) fn run(args: &SoakArgs, quiet: bool) -> Outcome {
             .and_then(|()| std::fs::remove_dir_all(&pictures))
             .map_err(|e| CommandFailure::Run(e.into()))?;
         if !quiet {
-            let held = bytes(held_bytes().unwrap_or(0));
+            let held = bytes(HeldMemory::now().data);
             tracing::info!(number, figures.frames, figures.longest_ms, held, "session");
         }
-        now.add(&figures, held_bytes().unwrap_or(0));
+        now.add(&figures, HeldMemory::now());
         let elapsed = start.elapsed();
         let is_over = is_interrupted() || elapsed >= Duration::from_secs_f64(args.minutes * 60.0);
         if is_over || elapsed.as_secs() / 60 > minutes.len() as u64 {
@@ -307,17 +335,37 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pages_of_files_are_not_held() {
-        let status = "Name:\tsurfel\nVmRSS:\t  140940 kB\nRssAnon:\t   39128 kB\nRssFile:\t   88320 kB\nRssShmem:\t   13492 kB\n";
-        assert_eq!(held_of(status), Some((39128 + 13492) * 1024));
-        assert_eq!(held_of("VmRSS:\t 12 kB\n"), None);
+    fn pages_of_files_are_not_held_and_code_is_counted_apart() {
+        let smaps = "\
+55d0-55d1 r-xp 00001000 fe:00 12 /usr/bin/surfel
+Rss:                 900 kB
+Anonymous:             4 kB
+7f00-7f10 rw-p 00000000 00:00 0 
+Rss:                 128 kB
+Anonymous:           128 kB
+7f20-7f30 rwxp 00000000 00:00 0 
+Rss:                  64 kB
+Anonymous:            60 kB
+7f40-7f50 rw-s 00000000 00:01 77 /memfd:allocation (deleted)
+Rss:                  32 kB
+Anonymous:             0 kB
+";
+        let held = HeldMemory {
+            data: (4 + 128 + 32) << 10,
+            code: 60 << 10,
+        };
+        assert_eq!(HeldMemory::of(smaps), held);
+        assert_eq!(HeldMemory::of(""), HeldMemory::default());
     }
 
     #[test]
     fn growth_is_that_of_what_every_session_leaves_behind() {
         let of = |megabytes: &[u64]| {
             let minute = |&held: &u64| MinuteFigures {
-                held: held << 20,
+                held: HeldMemory {
+                    data: held << 20,
+                    code: 0,
+                },
                 ..MinuteFigures::default()
             };
             growth(&megabytes.iter().map(minute).collect::<Vec<_>>())
