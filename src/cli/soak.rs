@@ -92,12 +92,12 @@ struct HeldMemory {
 }
 
 impl HeldMemory {
-    /// That of now; nothing where the system does not tell.
+    /// Memory held now; nothing where the system does not tell.
     fn now() -> Self {
         Self::of(&std::fs::read_to_string("/proc/self/smaps").unwrap_or_default())
     }
 
-    /// That of the text of `/proc/self/smaps`.
+    /// Memory that the text of `/proc/self/smaps` tells.
     fn of(smaps: &str) -> Self {
         let mut held = Self::default();
         let (mut is_code, mut is_shared) = (false, false);
