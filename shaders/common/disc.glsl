@@ -53,6 +53,7 @@ Disc bounded(Disc disc) {
         disc.lean = vec2(0.0);
         disc.size_px = disc.size_px >= 1.0 ? disc.size_px : 1.0;
     } else {
+        disc.lean = disc.size_px < LEAST_LEANING_PX ? vec2(0.0) : disc.lean;
         // The device snaps the center; what the square gains is cut off by the form.
         disc.size_px += 1.0 / 64.0;
     }

@@ -17,6 +17,10 @@ struct Disc {
 // at least, so that no splat vanishes.
 const float LEAST_ROUND_PX = 1.41421356;
 
+// A smaller disc has the depth of its center in all of its pixels: nobody sees where planes meet there, and what is nearest
+// would change with every move of the camera.
+const float LEAST_LEANING_PX = 3.0;
+
 // Width and height of the rectangle around the center that contains the ellipse rho = 1, from the inverse of its form.
 vec2 sides_of(vec3 inverse, vec2 skew) {
     vec2 shift = vec2(dot(inverse.xy, skew), dot(inverse.yz, skew));

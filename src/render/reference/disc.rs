@@ -24,6 +24,10 @@ const LEAST_RATIO: f64 = 0.1;
 /// of one pixel at least, so that no splat vanishes.
 const LEAST_ROUND_PX: f64 = std::f64::consts::SQRT_2;
 
+/// Side of the smallest disc whose pixels have the depth of its plane: in smaller ones nobody sees where planes meet, and what is
+/// nearest would change with every move of the camera.
+const LEAST_LEANING_PX: f64 = 3.0;
+
 /// A patch of surface in view space, as footprints see it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfacePatch {
@@ -46,6 +50,8 @@ pub(super) struct DiscFootprint {
     area_px: f64,
     /// Side of the square around it.
     side_px: f64,
+    /// Pixels have the depth of its plane; else that of its center.
+    is_leaning: bool,
     /// Columns of the square around the center that contains the footprint.
     pub(super) columns: Range<u32>,
     /// Rows of that square.
@@ -113,6 +119,7 @@ impl UnboundedDisc {
         } = self;
         let center_px = window(frame, center);
         let size = 2.0 * extent(form, skew).max_element();
+        let is_leaning = size >= LEAST_LEANING_PX;
         if !center_px.is_finite() {
             return None;
         }
@@ -137,6 +144,7 @@ impl UnboundedDisc {
             center_px,
             area_px: std::f64::consts::PI / (form.x * form.z - form.y * form.y).sqrt(),
             side_px: size,
+            is_leaning,
             columns,
             rows,
         })
@@ -258,7 +266,9 @@ impl DiscFootprint {
                     let across = through - center.truncate();
                     across.extend(-normal.truncate().dot(across) / normal.z)
                 };
-                distance = Some((-center.z - from_center.z) as f32);
+                distance = self
+                    .is_leaning
+                    .then_some((-center.z - from_center.z) as f32);
                 from_center.length_squared() / (radius * radius)
             }
         };

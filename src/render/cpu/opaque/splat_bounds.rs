@@ -25,6 +25,9 @@ pub(super) const BLOCK: usize = 64;
 /// A circle of a smaller diameter is the square around it, see `shaders/common/form.glsl`.
 pub(super) const LEAST_ROUND_PX: f32 = std::f32::consts::SQRT_2;
 
+/// Side of the smallest disc whose pixels have the depth of its plane.
+const LEAST_LEANING_PX: f32 = 3.0;
+
 /// Both numbers of a word.
 #[inline(always)]
 pub(super) fn both(word: i32) -> [usize; 2] {
@@ -513,7 +516,9 @@ fn find_ovals<S: Simd>(
         to_first.store_slice(&mut found.to_first[i][lanes.clone()]);
     }
     let [xx, xy, yy] = forms.form;
-    let ([skew_x, skew_y], [lean_x, lean_y]) = (forms.skew, forms.lean);
+    let is_leaning = side.simd_ge(LEAST_LEANING_PX);
+    let [lean_x, lean_y] = [0, 1].map(|i: usize| is_leaning.select(forms.lean[i], zero));
+    let [skew_x, skew_y] = forms.skew;
     let rows = [xx, xy * 2.0, yy, skew_x, skew_y, lean_x, lean_y];
     for (row, own) in found.ovals.iter_mut().zip(rows) {
         is_round
