@@ -4,7 +4,7 @@ struct DiscPlane {
     // View space.
     vec3 middle;
     vec3 normal;
-    // Of u and v, over the square of the model's scale, so that products are coordinates.
+    // Directions of u and v, over the square of the model's scale, so that products are coordinates.
     vec3 along_u;
     vec3 along_v;
     // Direction (x, y, -1) through the middle; where that is not before the eye, of no use.
@@ -34,7 +34,7 @@ DiscPlane disc_plane() {
     return own;
 }
 
-// What a pixel at this window position sees of a splat; false where that does not reach it.
+// Sets `pixel` to what the ray through a window position sees of a splat; false where that does not reach it.
 bool disc_pixel(DiscPlane own, vec2 window, out DiscPixel pixel) {
     vec2 through = window * frame.ray_scale + frame.ray_offset;
     // Places in the plane, from the middle.

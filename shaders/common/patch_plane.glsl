@@ -19,7 +19,7 @@ struct PatchPlane {
     vec4 extent;
     // Normal in view space at u = v = 0, and the first of the shape operator.
     vec4 normal_and_shape;
-    // Its others, and the middle in pixels.
+    // The other two of the shape operator, and the middle in pixels.
     vec4 shape_and_middle;
     // Color, and its change along u and v.
     vec4 color_a;
@@ -36,7 +36,7 @@ struct PatchPixel {
     vec2 foot;
 };
 
-// What a pixel at this window position sees of a patch; false where that does not reach it.
+// Sets `pixel` to what the ray through a window position sees of a patch; false where that does not reach it.
 bool patch_pixel(PatchPlane patch_plane, vec2 window, out PatchPixel pixel) {
     vec3 at = vec3(window - patch_plane.shape_and_middle.zw, 1.0);
     float inside = 1e30;

@@ -1,9 +1,9 @@
 // Sets a patch of a cut by error up, of the fields of common/polygon_parts.glsl.
 #include "common/patch_plane.glsl"
 
-// Where a patch may be seen: a rectangle of the picture, pixels from the middle.
+// The rectangle of the picture that a patch may be seen in, pixels from the middle.
 struct PatchRectangle {
-    // Of its longer sides; unit.
+    // Direction of its longer sides; unit.
     vec2 direction;
     // Least and greatest along them, and across them, before it is widened by the margin.
     vec2 ends;

@@ -1,4 +1,4 @@
-// What follows of the fields of an oriented polygon, which are globals: inputs of a vertex shader (common/polygon.glsl), or read
+// Functions of the fields of an oriented polygon. These are globals: inputs of a vertex shader (common/polygon.glsl), or read
 // from storage (common/polygon_record.glsl).
 
 const int CORNERS = 8;

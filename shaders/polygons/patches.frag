@@ -3,7 +3,7 @@
 #include "common/polygon_shade.glsl"
 #include "common/patch_plane.glsl"
 
-// As `PatchPlane` has them.
+// The fields of `PatchPlane`.
 layout(location = 0) flat in vec4 sides[6];
 layout(location = 6) flat in vec4 along_u;
 layout(location = 7) flat in vec4 along_v;

@@ -3,7 +3,7 @@
 #include "common/polygon.glsl"
 #include "common/patch_setup.glsl"
 
-// As `PatchPlane` has them.
+// The fields of `PatchPlane`.
 layout(location = 0) flat out vec4 sides[6];
 layout(location = 6) flat out vec4 along_u;
 layout(location = 7) flat out vec4 along_v;

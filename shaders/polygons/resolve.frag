@@ -11,7 +11,7 @@ layout(set = 0, binding = 3, std430) readonly buffer Nearest {
     uint64_t nearest[];
 };
 
-// As polygons.nearest has it.
+// Patches of a cut by error; else splats from vertices.
 layout(constant_id = 0) const bool ARE_PATCHES = false;
 
 layout(location = 0) out vec4 shown_color;

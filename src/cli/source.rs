@@ -349,7 +349,7 @@ impl ModelArgs {
         self.open_as(color, false, MeshPlacement::default(), progress)
     }
 
-    /// As [`ModelArgs::open_colored`], where it is to stand; with `streams_pages` the pages of a paged file are left where they are.
+    /// Opens as [`ModelArgs::open_colored`] does and places the model; with `streams_pages` the pages of a paged file stay where they are.
     pub(crate) fn open_as(
         &self,
         color: &ColorArgs,

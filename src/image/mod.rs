@@ -82,7 +82,7 @@ pub struct Image {
     pub depth: Vec<f32>,
     /// World-space unit normal at each pixel (zero where nothing is); empty unless asked for.
     pub normal: Vec<[f32; 3]>,
-    /// What [`Image::color`] is rounded from, 0..=1; empty unless asked for, and then [`PixelSource::value`] gives it.
+    /// Colors before they are rounded to [`Image::color`], 0..=1; empty unless asked for, and then [`PixelSource::value`] gives them.
     pub values: Vec<[f32; 4]>,
 }
 

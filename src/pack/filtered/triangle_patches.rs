@@ -36,7 +36,7 @@ fn normalized(v: &Vectors) -> Vectors {
 }
 
 impl FourPatches {
-    /// As [`SummedPatch::of_triangle`] has them.
+    /// Corners as [`SummedPatch::of_triangle`] has them.
     #[inline]
     pub(super) fn of_triangles(triangles: [&Triangle; 4]) -> Self {
         let corner = |i: usize| vectors(triangles.map(|t| t.corners[i].0));

@@ -41,23 +41,32 @@ const CARD: RendererCapabilities = RendererCapabilities {
     fits_tree: true,
 };
 
-/// Plans a frame of a statue.
-fn planned(settings: &Settings, capabilities: &RendererCapabilities) -> Result<FramePlan, Error> {
-    let model = statue();
-    let facts = ModelFacts::of(&model);
+/// Plans a frame of one model.
+fn plan_of(
+    (model, facts): (&Model, &ModelFacts),
+    settings: &Settings,
+    (view, capabilities): (&View, &RendererCapabilities),
+) -> Result<FramePlan, Error> {
     let parts = [FactedModel {
-        model: &model,
-        facts: &facts,
+        model,
+        facts,
         cut: None,
     }];
     let input = PlanInput {
         parts: DrawnParts::new(&parts),
-        view: &view_of(&model),
+        view,
         outputs: PictureOutputs::default(),
         capabilities,
         costs: None,
     };
     FramePlan::new(settings, &input)
+}
+
+/// Plans a frame of a statue.
+fn planned(settings: &Settings, capabilities: &RendererCapabilities) -> Result<FramePlan, Error> {
+    let model = statue();
+    let seen = (&view_of(&model), capabilities);
+    plan_of((&model, &ModelFacts::of(&model)), settings, seen)
 }
 
 fn of_splat(splat: SplatKind, threshold_px: f32) -> Settings {
@@ -194,20 +203,11 @@ fn plans_of_the_same_lists_are_told_from_others() {
     let view = view_of(&model);
     let mut moved = view;
     moved.offset[0] += 0.01;
-    let parts = [FactedModel {
-        model: &model,
-        facts: &facts,
-        cut: None,
-    }];
     let key = |settings: &Settings, view: &View| {
-        let input = PlanInput {
-            parts: DrawnParts::new(&parts),
-            view,
-            outputs: PictureOutputs::default(),
-            capabilities: &CARD,
-            costs: None,
-        };
-        FramePlan::new(settings, &input).unwrap().pack_key()
+        let seen = (view, &CARD);
+        plan_of((&model, &facts), settings, seen)
+            .unwrap()
+            .pack_key()
     };
     let base = of_splat(SplatKind::Gauss, 2.0);
     let red = Settings {
@@ -238,20 +238,8 @@ fn plans_of_the_same_inputs_are_equal_and_others_are_not() {
     let view = view_of(&model);
     let mut moved = view;
     moved.offset[0] += 0.01;
-    let parts = [FactedModel {
-        model: &model,
-        facts: &facts,
-        cut: None,
-    }];
     let plan = |settings: &Settings, view: &View| {
-        let input = PlanInput {
-            parts: DrawnParts::new(&parts),
-            view,
-            outputs: PictureOutputs::default(),
-            capabilities: &CARD,
-            costs: None,
-        };
-        FramePlan::new(settings, &input).unwrap()
+        plan_of((&model, &facts), settings, (view, &CARD)).unwrap()
     };
     let base = of_splat(SplatKind::Square, 2.0);
     // No draw list is told of it, but the whole plan is.

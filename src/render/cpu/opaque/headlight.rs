@@ -25,7 +25,7 @@ pub struct FrameHeadlight {
     /// Of white; and whether splats have colors of their own.
     albedo: [f32; 3],
     has_colors: bool,
-    /// What pixels show where nothing is.
+    /// Color of pixels where nothing is.
     pub(super) background: u32,
 }
 
@@ -50,7 +50,7 @@ impl FrameHeadlight {
         }
     }
 
-    /// What pixels show where nothing is, as [`ShownRectangle`](crate::render::cpu::opaque::ShownRectangle) has colors.
+    /// Color of pixels where nothing is, as [`ShownRectangle`](crate::render::cpu::opaque::ShownRectangle) has colors.
     pub fn background(&self) -> u32 {
         self.background
     }

@@ -173,7 +173,7 @@ pub(super) type Places<'a> = (PixelSearch<'a>, Outlines<'a>, &'a mut [NearSplats
 
 /// Finds where splats are, block by block.
 struct SplatPlacer<'a> {
-    /// Of the processor's vectors. What calls [`SplatWriter`](crate::render::cpu::opaque::SplatWriter)'s functions is not compiled for any.
+    /// Vectors of the processor. Callers of [`SplatWriter`](crate::render::cpu::opaque::SplatWriter) are not compiled for any.
     level: Level,
     screen: &'a SplatScreen,
     /// None where nobody asks what they look like.

@@ -418,7 +418,7 @@ fn a_cut_is_drawn_as_its_list() {
     assert!(numbers.iter().all(|&n| n > 100), "{numbers:?}");
 }
 
-/// Where the ray of a pixel meets the plane of a disc: the square of the distance from its middle, in radii, and the reversed
+/// Point where the ray of a pixel meets the plane of a disc: the square of the distance from its middle, in radii, and the reversed
 /// depth; infinite and 0 where it does not. By its definition, in double precision; the eye is at (0, -0.1, 3).
 fn seen_of_disc(splat: &Splat, [x, y]: [u32; 2], [width, height]: [f64; 2]) -> [f64; 2] {
     let center = splat.center.as_dvec3() + DVec3::new(0.0, 0.1, -3.0);

@@ -52,7 +52,7 @@ pub fn draw(
     );
 }
 
-/// As [`draw`], but a pixel becomes the number of its triangle in [`CutTriangles::numbered`] with [`SPLAT_BIT`] set.
+/// Draws as [`draw`] does, but a pixel becomes the number of its triangle in [`CutTriangles::numbered`] with [`SPLAT_BIT`] set.
 pub(super) fn draw_numbers(
     triangles: &CutTriangles,
     screen: &SplatScreen,
