@@ -108,7 +108,11 @@ fn differing(a: &Image, b: &Image) -> usize {
 
 /// Holds a backend to the pictures of the reference: in every light, of cut and whole splats, from several sides.
 fn assert_as_reference(own: &Backend, path: Path) {
-    for (model, name) in [(cube(), "cube"), (sheet(), "sheet")] {
+    for (model, name) in [
+        (cube(), "cube"),
+        (flat_cube(), "flat cube"),
+        (sheet(), "sheet"),
+    ] {
         let whole = SplatRules {
             radius: RadiusRule::Dietz,
             angle_test: Some(0.3),
