@@ -17,7 +17,7 @@ use surfel::render::Settings;
 use surfel::render::window_renderer::WindowBackend;
 use surfel::viewer::control::FrameGoal;
 use surfel::viewer::record::EventRecorder;
-use surfel::viewer::{self, InjectedFaults, RunFigures, ViewerOptions};
+use surfel::viewer::{self, InjectedFaults, RestSmoothing, RunFigures, ViewerOptions};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -206,7 +206,7 @@ fn play(
         settings: Settings::default(),
         backend,
         frame_goal,
-        smooths: true,
+        smoothing: RestSmoothing::WhileQuick,
         splat_by_model: true,
         watches: false,
         gpu: DeviceOptions {

@@ -12,7 +12,9 @@ use super::{CommandFailure, Outcome, print, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use surfel::viewer::control::FrameGoal;
-use surfel::viewer::{self, InjectedFaults, PhotographOptions, ViewerOptions, store};
+use surfel::viewer::{
+    self, InjectedFaults, PhotographOptions, RestSmoothing, ViewerOptions, store,
+};
 
 /// Mouse and keys, for `surfel --help`.
 pub(crate) use surfel::viewer::input::help;
@@ -26,6 +28,26 @@ enum ViewSwitch {
     On,
     /// No
     Off,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SmoothChoice {
+    /// Where samples are quick enough for keys to be answered at once
+    Auto,
+    /// However long samples take
+    On,
+    /// No
+    Off,
+}
+
+impl SmoothChoice {
+    fn setting(self) -> RestSmoothing {
+        match self {
+            Self::Auto => RestSmoothing::WhileQuick,
+            Self::On => RestSmoothing::Always,
+            Self::Off => RestSmoothing::Never,
+        }
+    }
 }
 
 /// Look at a model in a window.
@@ -66,8 +88,8 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
     orbit: Option<[f64; 3]>,
     /// Draw samples while the view rests, until its picture is smooth
-    #[arg(long, value_enum, default_value = "on", value_name = "SWITCH")]
-    smooth: ViewSwitch,
+    #[arg(long, value_enum, default_value = "auto", value_name = "WHEN")]
+    smooth: SmoothChoice,
     /// Open the files again whenever another program has written them [by hand: key F5]
     #[arg(long, conflicts_with_all = ["replay", "screenshot", "turntable"])]
     watch: bool,
@@ -225,7 +247,7 @@ pub(crate) fn run(mut args: ViewArgs, _quiet: bool) -> Outcome {
         more: args.more,
         placements,
         opening,
-        smooths: args.smooth == ViewSwitch::On,
+        smoothing: args.smooth.setting(),
         splat_by_model: !args.look.names_splat() && settings.method == surfel::render::Method::Pop,
         watches: args.watch,
         up: args.up.named(),

@@ -109,6 +109,18 @@ impl Default for PhotographOptions {
     }
 }
 
+/// Whether the picture of a view at rest gets smoother by more samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RestSmoothing {
+    /// It stays as it was drawn.
+    #[default]
+    Never,
+    /// Until samples take so long that what is pressed meanwhile would be answered late.
+    WhileQuick,
+    /// However long samples take.
+    Always,
+}
+
 /// What to show and how.
 #[derive(Debug, Clone, Default)]
 pub struct ViewerOptions {
@@ -168,19 +180,19 @@ pub struct ViewerOptions {
     pub pictures: Option<PathBuf>,
     /// Close after so many frames of the model, drawn one after the other.
     pub exit_after_frames: Option<u64>,
-    /// For tests: what goes wrong, and how often.
     /// How paged files are drawn.
     pub paged: PagedModelOptions,
     /// Photographs on the model.
     pub photos: PhotographOptions,
-    /// A picture gets smoother while the view rests.
-    pub smooths: bool,
+    /// Whether a picture gets smoother while the view rests.
+    pub smoothing: RestSmoothing,
     /// Whether splats follow from what is shown until somebody chooses: discs in the plane of the surface on points, else squares.
     pub splat_by_model: bool,
     /// Files are opened again when they have changed.
     pub watches: bool,
     /// The axis that is up; none: as each model's format and place tell.
     pub up: Option<UpAxis>,
+    /// For tests: what goes wrong, and how often.
     #[doc(hidden)]
     pub faults: InjectedFaults,
 }

@@ -5,7 +5,6 @@ use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, HeadlightSource};
 use crate::render::stats::KeptWork;
 use crate::render::{Method, Occlusion, Path, Settings, Shading, SplatKind};
-use crate::viewer::ViewerError;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::control::{EyePlace, FrameWork};
 use crate::viewer::event::ViewerEvent;
@@ -13,6 +12,7 @@ use crate::viewer::graph;
 use crate::viewer::pace::{PaceSummary, PacedFrame};
 use crate::viewer::recovery::{RecoveryWay, way_after};
 use crate::viewer::screen::{FrameRequest, ShowOutcome};
+use crate::viewer::{RestSmoothing, ViewerError};
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Instant;
@@ -272,12 +272,13 @@ impl ViewerApp {
     /// same picture in the same view; recordings and pictures that nobody watches are what the settings say.
     pub(in crate::viewer) fn smooths_in(&self) -> Option<f64> {
         let (settings, at) = self.drawn_with.as_ref()?;
-        let may = self.options.smooths
+        let smoothing = self.options.smoothing;
+        let may = smoothing != RestSmoothing::Never
             && !self.is_unattended()
             && self.options.replay.is_none()
             && !(self.is_dirty() || self.is_preview || self.is_moving())
             && self.turntable.is_none()
-            && self.screen.can_be_smoother(settings);
+            && self.screen.can_be_smoother(smoothing, settings);
         let rest = REST_S - at.elapsed().as_secs_f64();
         may.then_some(rest.max(0.0))
     }
@@ -290,7 +291,7 @@ impl ViewerApp {
         let Some((settings, _)) = self.drawn_with else {
             return Ok(());
         };
-        match self.screen.add_sample(&settings) {
+        match self.screen.add_sample(self.options.smoothing, &settings) {
             // Shown again, nothing else.
             Ok(true) => {
                 self.is_cover_dirty = true;

@@ -8,6 +8,7 @@ use crate::render::Settings;
 use crate::render::paged_model::PagedModel;
 use crate::render::window_renderer::ShownModel;
 use crate::tree::Model;
+use crate::viewer::RestSmoothing;
 use std::time::Instant;
 
 /// A picture whose samples take longer is not made smoother, milliseconds: what is pressed meanwhile would be answered late.
@@ -54,19 +55,31 @@ impl WindowScreen {
     }
 
     /// Tells whether samples would make the picture of the last frame, drawn with these settings, smoother: where all of its
-    /// pages are there, and no sample took longer than [`SLOWEST_SAMPLE_MS`]. A frame can take long by chance: where it took
-    /// not very much longer, a sample tells.
-    pub(in crate::viewer) fn can_be_smoother(&self, settings: &Settings) -> bool {
+    /// pages are there, and samples take no longer than [`SLOWEST_SAMPLE_MS`] or may take long. A frame can take long by
+    /// chance: where it took not very much longer, a sample tells.
+    pub(in crate::viewer) fn can_be_smoother(
+        &self,
+        smoothing: RestSmoothing,
+        settings: &Settings,
+    ) -> bool {
         let is_finished = self.drawn.is_some() && self.picture.is_some() && self.pending.is_empty();
-        let is_fine = self.wanted_pages() == 0 && self.times.frame_ms < 4.0 * SLOWEST_SAMPLE_MS;
-        is_finished && is_fine && self.renderer.can_be_smoother(settings)
+        let is_quick =
+            smoothing == RestSmoothing::Always || self.times.frame_ms < 4.0 * SLOWEST_SAMPLE_MS;
+        is_finished
+            && is_quick
+            && self.wanted_pages() == 0
+            && self.renderer.can_be_smoother(settings)
     }
 
     /// Draws a sample of the last frame; tells whether it is to be shown again.
     ///
     /// # Errors
     /// As [`WindowScreen::draw`].
-    pub(in crate::viewer) fn add_sample(&mut self, settings: &Settings) -> Result<bool, Error> {
+    pub(in crate::viewer) fn add_sample(
+        &mut self,
+        smoothing: RestSmoothing,
+        settings: &Settings,
+    ) -> Result<bool, Error> {
         let (Some(view), Some(model), Some(scene)) = (self.drawn, &self.model, &mut self.scene)
         else {
             return Ok(false);
@@ -79,7 +92,8 @@ impl WindowScreen {
         };
         let start = Instant::now();
         let is_new = self.renderer.add_sample(shown, &view, settings)?;
-        if start.elapsed().as_secs_f64() * 1e3 > SLOWEST_SAMPLE_MS {
+        let took_ms = start.elapsed().as_secs_f64() * 1e3;
+        if took_ms > SLOWEST_SAMPLE_MS && smoothing != RestSmoothing::Always {
             self.renderer.note_slow_sample();
         }
         Ok(is_new)
