@@ -46,3 +46,28 @@ fn a_resting_window_becomes_smooth_and_then_does_nothing() {
     window.key("q");
     must_succeed(&window.end());
 }
+
+#[test]
+fn a_small_model_becomes_smooth_after_one_motion() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("drawn.png");
+    // So small that no frame is coarse: nothing happens after the motion.
+    let look = ["generate:sphere:500", "--size", "120x90", "--validate"];
+    let mean = render(&[&look[..], &["--samples", "64"]].concat(), &file);
+    let more = ["--panel", "off", "--smooth", "on"];
+    let window = Window::open(&display, &[&look[..], &more[..]].concat());
+    let difference = || levels(&window.picture(), &mean);
+    wait_for("a smooth picture", || (difference() < 0.5).then_some(()));
+    window.move_to(60, 45);
+    (window.button(4, true), window.button(4, false));
+    wait_for("another view", || (difference() > 1.0).then_some(()));
+    window.key("r");
+    wait_for("a smooth picture again", || {
+        (difference() < 0.5).then_some(())
+    });
+    window.key("q");
+    must_succeed(&window.end());
+}

@@ -6,7 +6,7 @@ use crate::math::camera::{Camera, HeadlightSource};
 use crate::render::stats::KeptWork;
 use crate::render::{Method, Occlusion, Path, Settings, Shading, SplatKind};
 use crate::viewer::camera::OrbitCamera;
-use crate::viewer::control::{EyePlace, FrameWork};
+use crate::viewer::control::{EyePlace, FrameBudget, FrameWork};
 use crate::viewer::event::ViewerEvent;
 use crate::viewer::graph;
 use crate::viewer::pace::{PaceSummary, PacedFrame};
@@ -273,10 +273,13 @@ impl ViewerApp {
     pub(in crate::viewer) fn smooths_in(&self) -> Option<f64> {
         let (settings, at) = self.drawn_with.as_ref()?;
         let smoothing = self.options.smoothing;
+        // A coarse frame is followed by a fine one. Else the time since the last frame tells rest: without events the time of
+        // the last event, by which a camera moves, stands still.
+        let is_coarse = self.control.as_ref().is_some_and(FrameBudget::is_coarse);
         let may = smoothing != RestSmoothing::Never
             && !self.is_unattended()
             && self.options.replay.is_none()
-            && !(self.is_dirty() || self.is_preview || self.is_moving())
+            && !(self.is_dirty() || self.is_preview || is_coarse)
             && self.turntable.is_none()
             && self.screen.can_be_smoother(smoothing, settings);
         let rest = REST_S - at.elapsed().as_secs_f64();
