@@ -32,11 +32,11 @@ enum ViewSwitch {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum SmoothChoice {
-    /// Where samples are quick enough for keys to be answered at once
+    /// Sampled where that is quick enough for keys to be answered at once
     Auto,
-    /// However long samples take
+    /// Sampled however long that takes
     On,
-    /// No
+    /// Left as it was drawn
     Off,
 }
 

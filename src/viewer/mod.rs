@@ -109,15 +109,15 @@ impl Default for PhotographOptions {
     }
 }
 
-/// Whether the picture of a view at rest gets smoother by more samples.
+/// Choice whether the picture of a view at rest gets smoother by more samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RestSmoothing {
-    /// It stays as it was drawn.
+    /// Keeps it as it was drawn.
     #[default]
     Never,
-    /// Until samples take so long that what is pressed meanwhile would be answered late.
+    /// Adds samples until they take so long that what is pressed meanwhile would be answered late.
     WhileQuick,
-    /// However long samples take.
+    /// Adds samples however long they take.
     Always,
 }
 
@@ -184,7 +184,7 @@ pub struct ViewerOptions {
     pub paged: PagedModelOptions,
     /// Photographs on the model.
     pub photos: PhotographOptions,
-    /// Whether a picture gets smoother while the view rests.
+    /// Choice whether a picture gets smoother while the view rests.
     pub smoothing: RestSmoothing,
     /// Whether splats follow from what is shown until somebody chooses: discs in the plane of the surface on points, else squares.
     pub splat_by_model: bool,
@@ -192,7 +192,7 @@ pub struct ViewerOptions {
     pub watches: bool,
     /// The axis that is up; none: as each model's format and place tell.
     pub up: Option<UpAxis>,
-    /// For tests: what goes wrong, and how often.
+    /// Faults of tests: what goes wrong, and how often.
     #[doc(hidden)]
     pub faults: InjectedFaults,
 }

@@ -62,7 +62,8 @@ fn a_small_model_becomes_smooth_after_one_motion() {
     let difference = || levels(&window.picture(), &mean);
     wait_for("a smooth picture", || (difference() < 0.5).then_some(()));
     window.move_to(60, 45);
-    (window.button(4, true), window.button(4, false));
+    window.button(4, true);
+    window.button(4, false);
     wait_for("another view", || (difference() > 1.0).then_some(()));
     window.key("r");
     wait_for("a smooth picture again", || {
