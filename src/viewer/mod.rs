@@ -180,7 +180,7 @@ pub struct ViewerOptions {
     pub pictures: Option<PathBuf>,
     /// Close after so many frames of the model, drawn one after the other.
     pub exit_after_frames: Option<u64>,
-    /// How paged files are drawn.
+    /// Options by which paged files are drawn.
     pub paged: PagedModelOptions,
     /// Photographs on the model.
     pub photos: PhotographOptions,
