@@ -88,11 +88,16 @@ fn cut(degrees: f64) -> SplatRules {
 fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Image {
     let outputs = PictureOutputs {
         depth: true,
-        normal: true,
+        // Compute sums no normals.
+        normal: settings.path != Path::Compute || !is_blended(settings),
         ..PictureOutputs::default()
     };
     let mut engine = Engine::new(backend, model, (view.width, view.height), outputs).unwrap();
     engine.render(view, settings).unwrap()
+}
+
+fn is_blended(settings: &Settings) -> bool {
+    settings.splat == SplatKind::Gauss || settings.blend == Some(Blend::TwoPass)
 }
 
 /// Pixels that differ by more than two levels, in coverage, or by more than a thousandth of the distance.
@@ -236,56 +241,117 @@ fn a_cube_of_eight_vertices_looks_as_its_triangles_do() {
     }
 }
 
-/// Blended and visibility splats from vertices, of a device and of the reference: the same pixels but where a depth decides.
-#[test]
-fn a_device_blends_and_reconstructs_as_the_reference_does() {
-    let Some(device) = Device::open() else { return };
-    let vulkan = Backend::Vulkan(device.gpu().clone());
+/// Blended and visibility splats from vertices of these rules, of every kind.
+fn blended_looks(rules: SplatRules) -> Vec<Settings> {
+    let of = |splat, shading| Settings {
+        splat,
+        shading,
+        ..settings(rules)
+    };
+    let mut looks = vec![
+        of(SplatKind::Gauss, Shading::PerSplat),
+        of(SplatKind::Gauss, Shading::Deferred),
+        Settings {
+            blend: Some(Blend::TwoPass),
+            light: SurfaceLighting::Phong(Phong::default()),
+            ..of(SplatKind::Disc, Shading::PerSplat)
+        },
+    ];
+    for reconstruction in [
+        Reconstruction::Gaussian,
+        Reconstruction::Density,
+        Reconstruction::PullPush,
+    ] {
+        looks.push(Settings {
+            reconstruction,
+            ..of(SplatKind::Visibility, Shading::PerSplat)
+        });
+    }
+    looks
+}
+
+/// Holds a backend to the blended and visibility splats of the reference: the same pixels but where a depth decides.
+fn assert_blended_as_reference(own: &Backend, path: Path) {
     assert_splats_alone(&flat_cube(), cut(20.0), 24);
     assert_splats_alone(&fan(), cut(20.0), 61);
+    let size = (240, 200);
     for (model, name) in [(flat_cube(), "cube"), (fan(), "fan"), (sheet(), "sheet")] {
+        let mut views = vec![
+            ("front", view(&model, 0.3)),
+            ("side", view(&model, 2.0)),
+            ("parallel", common::orthographic(&model, size)),
+        ];
+        // From within a box, which reaches behind the eye.
+        for target in [DVec3::X, DVec3::ONE] {
+            let eye = DVec3::new(0.5, 0.4, 0.6);
+            let camera = Camera::look_at(size, eye, target, DVec3::Z, 1.2, (0.05, 10.0));
+            views.push(("inside", camera.view(DVec3::ZERO).unwrap()));
+        }
+        views.truncate(if name == "cube" { 5 } else { 3 });
         // Not whole discs: a cube's are seen edge-on, where the depth of a pixel is anything.
         for rules in [cut(20.0), cut(3.0)] {
-            let of = |splat, shading| Settings {
-                splat,
-                shading,
-                ..settings(rules)
-            };
-            let mut looks = vec![
-                of(SplatKind::Gauss, Shading::PerSplat),
-                of(SplatKind::Gauss, Shading::Deferred),
-                Settings {
-                    blend: Some(Blend::TwoPass),
-                    light: SurfaceLighting::Phong(Phong::default()),
-                    ..of(SplatKind::Disc, Shading::PerSplat)
-                },
-            ];
-            for reconstruction in [
-                Reconstruction::Gaussian,
-                Reconstruction::Density,
-                Reconstruction::PullPush,
-            ] {
-                looks.push(Settings {
-                    reconstruction,
-                    ..of(SplatKind::Visibility, Shading::PerSplat)
-                });
-            }
-            for look in looks {
-                for azimuth in [0.3, 2.0] {
-                    let view = view(&model, azimuth);
-                    let [reference, own] = [&Backend::Mirror, &vulkan]
-                        .map(|backend| draw(backend, &model, &view, &look));
+            let is_drawn =
+                |look: &Settings| path != Path::Compute || look.shading == Shading::PerSplat;
+            for look in blended_looks(rules).into_iter().filter(is_drawn) {
+                for (place, view) in &views {
+                    let look = Settings {
+                        culling: match *place {
+                            "inside" => Culling::Off,
+                            _ => look.culling,
+                        },
+                        ..look
+                    };
+                    let reference = draw(&Backend::Mirror, &model, view, &look);
+                    let own = draw(own, &model, view, &Settings { path, ..look });
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
-                    let count = differing(&reference, &own);
+                    let count = differing(&reference, &own) + turned(&reference, &own);
+                    println!(
+                        "{name} {place} {:?} {:?}: {count} of {covered}",
+                        look.splat, look.reconstruction
+                    );
                     assert!(covered > 2000, "{name}: {covered}");
                     assert!(
                         count * 100 < covered,
-                        "{name} {look:?}: {count} of {covered}"
+                        "{name} {place} {look:?}: {count} of {covered}"
                     );
                 }
             }
         }
     }
+}
+
+/// Pixels whose normals are not the same, where both have some.
+fn turned(a: &Image, b: &Image) -> usize {
+    let normals = a.normal.iter().zip(&b.normal);
+    let differs =
+        |(a, b): &(&[f32; 3], &[f32; 3])| (Vec3::from(**a) - Vec3::from(**b)).length() > 0.02;
+    normals.filter(differs).count()
+}
+
+#[test]
+fn a_device_blends_and_reconstructs_as_the_reference_does() {
+    let Some(device) = Device::open() else { return };
+    assert_blended_as_reference(&Backend::Vulkan(device.gpu().clone()), Path::Raster);
+}
+
+#[test]
+fn compute_blends_and_reconstructs_as_the_reference_does() {
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
+    let vulkan = Backend::Vulkan(device.gpu().clone());
+    assert_blended_as_reference(&vulkan, Path::Compute);
+    // It sums no normals.
+    let deferred = Settings {
+        splat: SplatKind::Gauss,
+        shading: Shading::Deferred,
+        path: Path::Compute,
+        ..settings(cut(5.0))
+    };
+    let model = cube();
+    let mut engine = Engine::new(&vulkan, &model, (240, 200), PictureOutputs::default()).unwrap();
+    let error = engine.render(&view(&model, 0.3), &deferred).unwrap_err();
+    assert!(error.to_string().contains("--splat-shading"), "{error}");
 }
 
 /// Blended splats have the coverage of opaque ones, and on flat faces their colors.

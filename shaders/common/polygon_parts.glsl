@@ -9,6 +9,17 @@ vec2[CORNERS] footprint() {
     );
 }
 
+// Plane coordinates of a place within it for all of it: the vertex itself is in the splat, and so is what lies between it and
+// the mean of the corners, within the bound.
+vec2 middle_of_footprint() {
+    vec2 feet[CORNERS] = footprint();
+    vec2 uv = vec2(0.0);
+    for (int i = 0; i < CORNERS; i++) {
+        uv += feet[i] / float(CORNERS);
+    }
+    return uv * min(1.0, round_radius / max(length(uv), 1e-30));
+}
+
 // Direction of v, model space.
 vec3 second_axis() {
     return cross(normal, axis);

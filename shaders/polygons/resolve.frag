@@ -3,7 +3,7 @@
 // Pass polygons.resolve: shades the oriented polygon that each pixel kept; its depth is tested against what the rasterizer
 // drew.
 #include "common/polygon_record.glsl"
-#include "common/polygon_shade.glsl"
+#include "common/disc_look.glsl"
 #include "common/patch_setup.glsl"
 #include "common/disc_plane.glsl"
 
@@ -26,32 +26,24 @@ void main() {
         discard;
     }
     read_polygon(list.begin + item);
-    vec3 position;
     vec3 n;
-    vec3 base;
-    vec3 tint;
+    vec3 shown;
     if (ARE_PATCHES) {
         PatchPlane own;
         PatchRectangle rectangle;
         PatchPixel pixel;
         set_up_patch(own, rectangle);
         patch_pixel(own, gl_FragCoord.xy, pixel);
-        position = pixel.position;
-        n = patch_normal(own, pixel.foot);
-        base = patch_color(own, pixel.foot);
-        tint = vec3(0.25, 0.9, 0.35);
+        n = unit_or_zero(patch_normal(own, pixel.foot));
+        vec3 base = patch_color(own, pixel.foot);
+        shown = shade_polygon(pixel.position, n, base, light_share(), vec3(0.25, 0.9, 0.35));
     } else {
         DiscPixel pixel;
         disc_pixel(disc_plane(), gl_FragCoord.xy, pixel);
-        position = pixel.position;
-        vec3 s = shape_operator;
-        vec3 own = shading_normal + dot(s.xy, pixel.uv) * axis + dot(s.yz, pixel.uv) * second_axis();
-        n = mat3(frame.view_from_model) * own;
-        base = clamp(color.rgb + color_slopes() * pixel.uv, vec3(0.0), vec3(1.0));
-        tint = vec3(1.0, 0.2, 0.2);
+        n = unit_or_zero(mat3(frame.view_from_model) * disc_normal(pixel.uv));
+        shown = shade_disc(pixel.position, n, pixel.uv);
     }
-    n = unit_or_zero(n);
-    shown_color = vec4(shade_polygon(position, n, base, light_share(), tint), 1.0);
+    shown_color = vec4(shown, 1.0);
 #ifdef NORMALS
     shown_normal = vec4(n * mat3(frame.view_from_model) / frame.model_scale, 1.0);
 #endif

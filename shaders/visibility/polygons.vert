@@ -19,9 +19,8 @@ void main() {
     vec3 n = shading_normal + dot(s.xy, uv) * axis + dot(s.yz, uv) * across;
     normal_in_view = mat3(frame.view_from_model) * n;
     base = color.rgb + color_slopes() * uv;
-    float offset = frame.depth_offset * round_radius * frame.model_scale / facing_of_plane(middle);
-    bound_share_offset = vec3(round_radius * round_radius, light_share(), offset);
+    bound_share_offset = vec3(round_radius * round_radius, light_share(), polygon_offset(middle));
     bool is_gone = faces_away(middle);
-    vec4 clip = frame.clip_from_view * vec4(pushed(position_in_view, middle), 1.0);
+    vec4 clip = frame.clip_from_view * vec4(pushed(position_in_view, push_of(middle)), 1.0);
     gl_Position = is_gone ? vec4(0.0, 0.0, 2.0, 1.0) : clip;
 }

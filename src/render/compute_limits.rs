@@ -66,16 +66,18 @@ pub(crate) fn may_use_compute(
     let technique = Technique::of(settings);
     let reason = match technique {
         _ if settings.path == Path::Raster => return Ok(false),
-        Technique::Opaque if settings.method == Method::Pop => not_as_opaque(settings),
         // No graphics card has measured them: whoever wants them says so.
-        Technique::Polygons if settings.path == Path::Auto => return Ok(false),
+        _ if settings.path == Path::Auto && settings.drawn_polygons().is_some() => {
+            return Ok(false);
+        }
+        Technique::Opaque if settings.method == Method::Pop => not_as_opaque(settings),
         Technique::Polygons => None,
-        Technique::Filtered | Technique::Fuzzy if settings.has_cut() => {
+        Technique::Filtered | Technique::Fuzzy if settings.has_lists() => {
             not_as_blended(settings, outputs)
         }
-        Technique::Visibility if settings.has_cut() => not_as_visible(settings),
+        Technique::Visibility if settings.has_lists() => not_as_visible(settings),
         _ => Some(
-            "it draws blended, filtered and visibility splats of a tree, and what pop does not blend",
+            "it draws blended, filtered and visibility splats of a tree or from vertices, and what pop does not blend",
         ),
     };
     let reason = match reason {
@@ -112,15 +114,15 @@ fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
     }
 }
 
-/// Reason why splats from vertices are not, where they are blended or hide centers.
-const BLENDED_POLYGONS: &str =
-    "splats from vertices are blended by the rasterizer; leave --path compute out";
+/// Tells whether splats of the threshold's size are too large; those from vertices have no such size.
+fn are_too_large(settings: &Settings) -> bool {
+    settings.drawn_vertex_splats().is_none()
+        && settings.threshold_px > largest_threshold_px(settings)
+}
 
 /// Why filtered and fuzzy splats are not drawn by compute.
 fn not_as_blended(settings: &Settings, outputs: PictureOutputs) -> Option<&'static str> {
-    if settings.drawn_vertex_splats().is_some() {
-        Some(BLENDED_POLYGONS)
-    } else if settings.threshold_px > largest_threshold_px(settings) {
+    if are_too_large(settings) {
         Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
     } else if settings.shading == Shading::Deferred {
         Some("it sums colors, not normals; leave --splat-shading out")
@@ -137,10 +139,7 @@ fn not_as_blended(settings: &Settings, outputs: PictureOutputs) -> Option<&'stat
 
 /// Why visibility splats are not drawn by compute.
 fn not_as_visible(settings: &Settings) -> Option<&'static str> {
-    if settings.drawn_vertex_splats().is_some() {
-        return Some(BLENDED_POLYGONS);
-    }
-    (settings.threshold_px > largest_threshold_px(settings)).then_some(
+    are_too_large(settings).then_some(
         "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
     )
 }

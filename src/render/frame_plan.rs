@@ -256,14 +256,16 @@ impl FramePlan {
         }
         let size = [view.width, view.height];
         let is_one = parts.single().is_some();
-        let may_use_compute = match (technique, settings.path) {
-            (Technique::Fuzzy, Path::Compute) if !is_one => {
+        // Splats of a tree are placed of one model alone.
+        let is_placed = technique == Technique::Fuzzy && settings.drawn_vertex_splats().is_none();
+        let may_use_compute = match settings.path {
+            Path::Compute if is_placed && !is_one => {
                 return Err(Error::Unsupported {
                     what: "fuzzy splats by compute",
                     why: "several models are drawn together; leave --path compute out".into(),
                 });
             }
-            (Technique::Fuzzy, _) if !is_one => false,
+            _ if is_placed && !is_one => false,
             _ => may_use_compute(&settings, outputs, size, capabilities)?,
         };
         let cut_place = cut_place(&settings, &facts, is_one, capabilities)?;

@@ -9,7 +9,9 @@
 //! begin from, and its sums are added to theirs.
 
 use crate::abi::specialization::{HAS_LAMP, HAS_LARGE, IS_GRAY, IS_PUSHED};
-use crate::abi::{CompiledShader, ConstantValue, FilteredSplat, FuzzySplat, shaders};
+use crate::abi::{
+    CompiledShader, ConstantValue, FilteredSplat, FuzzySplat, OrientedPolygon, shaders,
+};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
 use crate::gpu::frame::{FrameRecorder, PassBuilder, TargetLoad, UniformBlock};
@@ -49,8 +51,10 @@ pub(crate) struct BlendedKind {
     record: u64,
     /// Triangles are pushed away in the first pass, as splats are.
     pushes_triangles: bool,
-    /// The blending of splats asks the frame; else they come with all that is asked for.
-    blend_needs_frame: bool,
+    /// Depth and blending of splats ask the frame; else they come with all that is asked for.
+    needs_frame: [bool; 2],
+    /// Invocations that share a splat.
+    sharers: u32,
 }
 
 /// Filtered splats.
@@ -68,27 +72,54 @@ pub(crate) const FILTERED: BlendedKind = BlendedKind {
     normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
     record: size_of::<FilteredSplat>() as u64,
     pushes_triangles: false,
-    blend_needs_frame: false,
+    needs_frame: [false; 2],
+    sharers: 1,
+};
+
+/// Passes of fuzzy splats.
+const FUZZY_PASSES: PassNames = PassNames {
+    clear: "fuzzy.clear",
+    front: "fuzzy.front",
+    depth: "fuzzy.depth",
+    merge: "fuzzy.merge",
+    blend: "fuzzy.blend",
+    normalize: "fuzzy.normalize",
 };
 
 /// Fuzzy splats.
 pub(crate) const FUZZY: BlendedKind = BlendedKind {
-    passes: PassNames {
-        clear: "fuzzy.clear",
-        front: "fuzzy.front",
-        depth: "fuzzy.depth",
-        merge: "fuzzy.merge",
-        blend: "fuzzy.blend",
-        normalize: "fuzzy.normalize",
-    },
+    passes: FUZZY_PASSES,
     depth: &shaders::FUZZY_DEPTH_COMP,
     blend: &shaders::FUZZY_BLEND_COMP,
     normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
     record: size_of::<FuzzySplat>() as u64,
     pushes_triangles: true,
     // How far Gaussians are widened.
-    blend_needs_frame: true,
+    needs_frame: [false, true],
+    sharers: 1,
 };
+
+/// Splats from vertices, which are blended as fuzzy ones are.
+pub(crate) const POLYGONS: BlendedKind = BlendedKind {
+    passes: FUZZY_PASSES,
+    depth: &shaders::FUZZY_DEPTH_POLYGONS_COMP,
+    blend: &shaders::FUZZY_BLEND_POLYGONS_COMP,
+    normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
+    record: size_of::<OrientedPolygon>() as u64,
+    pushes_triangles: true,
+    needs_frame: [true; 2],
+    sharers: 32,
+};
+
+impl BlendedKind {
+    /// Blocks that its depth (0) or blending (1) of splats binds, of those of the frame and of the list.
+    fn uniforms<'b>(&self, both: &'b [UniformBlock; 2], pass: usize) -> &'b [UniformBlock] {
+        &both[usize::from(!self.needs_frame[pass])..]
+    }
+}
+
+/// A list that fits one binding has room for the invocations that share its items.
+const _: () = assert!(u32::MAX as u64 / POLYGONS.sharers as u64 > (1 << 32) / POLYGONS.record);
 
 /// Values of the specialization constants that the shaders of one kind have and others have not.
 #[derive(Debug, Clone, Copy, Default)]
@@ -99,6 +130,8 @@ pub(crate) struct OwnConstants<'a> {
     pub(crate) blend: &'a [ConstantValue],
     /// Of [`BlendedKind::normalize`].
     pub(crate) normalize: &'a [ConstantValue],
+    /// Flags of the frames, where the shaders of splats depend on them.
+    pub(crate) flags: Option<u32>,
 }
 
 /// Pipelines and the sums, for one picture size.
@@ -120,7 +153,7 @@ pub(crate) struct ComputeBlending {
     is_gray: bool,
 }
 
-/// What compute draws of a frame.
+/// Part of a frame that compute draws.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ComputeInput<'a> {
     pub(crate) splats: &'a dyn AnyBuffer,
@@ -129,7 +162,7 @@ pub(crate) struct ComputeInput<'a> {
     pub(crate) triangles: TriangleRanges<'a>,
 }
 
-/// What the rasterizer draws of a frame: its passes depth and blend.
+/// Part of a frame that the rasterizer draws: its passes depth and blend.
 pub(crate) struct RasterizedPart<'a> {
     pub(crate) depth: &'a dyn Fn(&mut FrameRecorder<'_>),
     pub(crate) blend: &'a dyn Fn(&mut FrameRecorder<'_>),
@@ -208,16 +241,20 @@ impl ComputeBlending {
         let compute = |name, shader, constants: &[ConstantValue]| {
             ShaderPipeline::compute(gpu, name, shader, constants)
         };
+        let of_splats = |name, shader, values: &[ConstantValue]| match constants.flags {
+            Some(flags) => ShaderPipeline::compute_for_flags(gpu, name, shader, values, flags),
+            None => ShaderPipeline::compute(gpu, name, shader, values),
+        };
         let storage = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::Storage, bytes);
         Ok(Self {
             kind,
-            depth: compute("depth of small splats", kind.depth, constants.depth)?,
+            depth: of_splats("depth of small splats", kind.depth, constants.depth)?,
             depth_triangles: compute(
                 "depth of small triangles",
                 &shaders::COMPUTE_DEPTH_TRIANGLES_COMP,
                 &[IS_PUSHED.is(kind.pushes_triangles)],
             )?,
-            blend: compute(
+            blend: of_splats(
                 "blend of small splats",
                 kind.blend,
                 &[constants.blend, &[gray]].concat(),
@@ -299,8 +336,10 @@ impl ComputeBlending {
                     compute.items(count);
                 }
                 for &(part, uniform, count) in &list.splats {
-                    compute.bind(&self.depth, &[uniform], &[part, front]);
-                    compute.items(count);
+                    let both = [constants, uniform];
+                    let uniforms = self.kind.uniforms(&both, 0);
+                    compute.bind(&self.depth, uniforms, &[part, front]);
+                    compute.items(count * self.kind.sharers);
                 }
             });
     }
@@ -347,12 +386,9 @@ impl ComputeBlending {
                 }
                 for &(part, uniform, count) in &list.splats {
                     let both = [constants, uniform];
-                    let uniforms = match self.kind.blend_needs_frame {
-                        true => &both[..],
-                        false => &both[1..],
-                    };
+                    let uniforms = self.kind.uniforms(&both, 1);
                     compute.bind(&self.blend, uniforms, &[part, front, sums]);
-                    compute.items(count);
+                    compute.items(count * self.kind.sharers);
                 }
             });
     }

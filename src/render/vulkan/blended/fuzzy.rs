@@ -162,7 +162,7 @@ pub(crate) struct FuzzyPasses {
     normalize: ShaderPipeline,
     sums: Target,
     normals: Option<Target>,
-    /// What draws small splats.
+    /// Passes that draw small splats.
     twin: Option<ComputeBlending>,
 }
 
@@ -183,7 +183,7 @@ impl PrimitivePipelines {
     }
 }
 
-/// What a frame draws.
+/// Lists that a frame draws.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FuzzyLists<'a> {
     /// By the rasterizer.
@@ -226,6 +226,33 @@ fn polygon_pipelines(
             ..blend
         })?,
     ])
+}
+
+/// Passes of what compute draws, all of it gray or not.
+///
+/// # Errors
+/// When memory runs out.
+fn twin(
+    gpu: &Arc<Gpu>,
+    variant: &FuzzyVariant,
+    is_gray: bool,
+    size: (u32, u32),
+) -> Result<ComputeBlending, Error> {
+    let [gauss, _, _, square] = variant.of_footprints(PrimitiveTopology::Points);
+    let [_, lamp] = variant.of_light();
+    let coverage = HAS_COVERAGE.is(variant.has_coverage);
+    let look = (is_gray, variant.has_lamp, variant.color);
+    let (kind, depth, blend): (_, &[ConstantValue], &[ConstantValue]) = match variant.are_polygons {
+        true => (&compute::POLYGONS, &[], &[gauss]),
+        false => (&compute::FUZZY, &[gauss, square], &[gauss, square, lamp]),
+    };
+    let constants = OwnConstants {
+        depth,
+        blend,
+        normalize: &[coverage],
+        flags: variant.are_polygons.then_some(variant.flags),
+    };
+    ComputeBlending::new(gpu, kind, size, look, constants)
 }
 
 impl FuzzyPasses {
@@ -347,20 +374,7 @@ impl FuzzyPasses {
             })?,
             twin: match variant.by_compute {
                 None => None,
-                Some(is_gray) => {
-                    let [gauss, _, _, square] = variant.of_footprints(PrimitiveTopology::Points);
-                    Some(ComputeBlending::new(
-                        gpu,
-                        &compute::FUZZY,
-                        (width, height),
-                        (is_gray, variant.has_lamp, variant.color),
-                        OwnConstants {
-                            depth: &[gauss, square],
-                            blend: &[gauss, square, lamp],
-                            normalize: &[coverage],
-                        },
-                    )?)
-                }
+                Some(is_gray) => Some(twin(gpu, &variant, is_gray, (width, height))?),
             },
             sums: Target::new(gpu, "sums", variant.sums, width, height)?,
             normals: variant

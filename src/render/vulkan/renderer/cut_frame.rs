@@ -222,21 +222,7 @@ impl<'a> CutPasses<'a> {
                 self.record_opaque(frame, constants)?
             }
             (Technique::Fuzzy, Some(fuzzy), ..) => {
-                let placed = self.held.placed;
-                let list = fuzzy::FuzzyLists {
-                    raster: match placed {
-                        Some(placed) => RasterList {
-                            splats: RasterSplats::Records(SplatRecords::large(
-                                self.lists.splats(),
-                                placed,
-                                self.held.capacity,
-                            )),
-                            ..raster
-                        },
-                        None => raster,
-                    },
-                    small: placed.map(|placed| self.blended_by_compute(placed.small)),
-                };
+                let list = self.fuzzy_lists();
                 fuzzy.record(frame, targets, list, context, constants)?;
             }
             (Technique::Filtered, _, Some(filtered), _) => {
@@ -340,7 +326,34 @@ impl<'a> CutPasses<'a> {
         }
     }
 
-    /// What compute draws of blended splats, of a list with so many splats.
+    /// The lists as fuzzy splats are drawn: by compute, and what that leaves to the rasterizer.
+    fn fuzzy_lists(&self) -> fuzzy::FuzzyLists<'a> {
+        let raster = self.raster();
+        let by_compute = self.held.selection.has_blended_by_compute();
+        if let (RasterSplats::Polygons(polygons, count), true) = (raster.splats, by_compute) {
+            return fuzzy::FuzzyLists {
+                raster: raster.only_triangles(),
+                small: Some(blended_compute::ComputeInput {
+                    splats: polygons,
+                    ..self.blended_by_compute(count as usize)
+                }),
+            };
+        }
+        let placed = self.held.placed;
+        let records = |placed| SplatRecords::large(self.lists.splats(), placed, self.held.capacity);
+        fuzzy::FuzzyLists {
+            raster: match placed {
+                Some(placed) => RasterList {
+                    splats: RasterSplats::Records(records(placed)),
+                    ..raster
+                },
+                None => raster,
+            },
+            small: placed.map(|placed| self.blended_by_compute(placed.small)),
+        }
+    }
+
+    /// Part of blended splats that compute draws, of a list with so many splats.
     fn blended_by_compute(&self, splats: usize) -> blended_compute::ComputeInput<'a> {
         blended_compute::ComputeInput {
             splats: self.lists.splats(),
