@@ -22,6 +22,7 @@ use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::triangles;
 use crate::render::vulkan::triangles::TriangleVariant;
+use crate::render::vulkan::visibility::compute::VisibleKind;
 use crate::render::vulkan::visibility::hardware::VisibilityPasses;
 use crate::render::{CutOn, ListOf, Method};
 use crate::tree::Model;
@@ -159,11 +160,17 @@ impl VulkanRenderer {
             Method::Points => SplatSource::Vertices,
             _ => SplatSource::List,
         };
-        let how = (plan.constants.flags, plan.may_use_compute);
-        visibility.ensure(source, plan.settings.reconstruction, how)?;
-        match plan.settings.drawn_vertex_splats() {
-            Some(_) => visibility.ensure_polygons(plan.constants.flags),
-            None => Ok(()),
+        let flags = plan.constants.flags;
+        let are_polygons = plan.settings.drawn_vertex_splats().is_some();
+        let kind = match are_polygons {
+            true => VisibleKind::Polygons,
+            false => VisibleKind::Splats,
+        };
+        let by_compute = plan.may_use_compute.then_some(kind);
+        visibility.ensure(source, plan.settings.reconstruction, (flags, by_compute))?;
+        match are_polygons {
+            true => visibility.ensure_polygons(flags),
+            false => Ok(()),
         }
     }
 

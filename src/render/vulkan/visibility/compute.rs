@@ -3,10 +3,10 @@
 //! `visibility.splats` leaves (pushed depth, number) of each footprint in the pixels that it covers, and (depth, number) of
 //! each center in its own; `visibility.resolve` shades one splat a pixel. A rasterizer sets every splat up twice, which a
 //! software device does in some 130 ns each, and shades all that pass. Triangles, and splats that are too large, are left
-//! to the passes of the rasterizer.
+//! to the passes of the rasterizer. Splats from vertices are left by `visibility.polygons` as their footprints and middles.
 
 use crate::abi::specialization::LOOKS_FIRST;
-use crate::abi::{Splat, shaders};
+use crate::abi::{OrientedPolygon, Splat, shaders};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
@@ -25,9 +25,43 @@ use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::visibility::targets::{FRONTS, PICKED};
 use std::sync::Arc;
 
-/// Pipelines and what is kept of each pixel.
+/// Kind of the splats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum VisibleKind {
+    /// Of a tree.
+    Splats,
+    /// From vertices.
+    Polygons,
+}
+
+impl VisibleKind {
+    /// Name of the pass that leaves them.
+    fn pass(self) -> &'static str {
+        match self {
+            Self::Splats => "visibility.splats",
+            Self::Polygons => "visibility.polygons",
+        }
+    }
+
+    /// Bytes of a record, and invocations that share one.
+    const fn record(self) -> (u64, u32) {
+        match self {
+            Self::Splats => (size_of::<Splat>() as u64, 1),
+            Self::Polygons => (size_of::<OrientedPolygon>() as u64, 32),
+        }
+    }
+}
+
+/// A list that fits one binding has room for the invocations that share its items.
+const _: () = {
+    let (bytes, sharers) = VisibleKind::Polygons.record();
+    assert!(u32::MAX as u64 / sharers as u64 > (1 << 32) / bytes);
+};
+
+/// Pipelines of one kind, and what is kept of each pixel.
 #[derive(Debug)]
 pub(super) struct ComputeVisibility {
+    pub(super) kind: VisibleKind,
     splats: ShaderPipeline,
     resolve: ShaderPipeline,
     footprints: DeviceBuffer,
@@ -42,18 +76,30 @@ impl ComputeVisibility {
     /// When memory runs out or a Vulkan call fails.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
+        kind: VisibleKind,
         (normals, flags): (bool, u32),
         size: (u32, u32),
     ) -> Result<Self, Error> {
+        let (leaves, shades) = match kind {
+            VisibleKind::Splats => (
+                &shaders::VISIBILITY_SPLATS_COMP,
+                shaders::VISIBILITY_RESOLVE_FRAG,
+            ),
+            VisibleKind::Polygons => (
+                &shaders::VISIBILITY_POLYGONS_COMP,
+                shaders::VISIBILITY_RESOLVE_POLYGONS_FRAG,
+            ),
+        };
         let looks_first = !gpu.info().is_cpu();
         let formats = [PICKED, FRONTS, NORMAL];
         let bytes = storage_bytes(Technique::Visibility, size.into());
         let storage = |name| DeviceBuffer::new(gpu, name, BufferUsage::Storage, bytes);
         Ok(Self {
+            kind,
             splats: ShaderPipeline::compute_for_flags(
                 gpu,
-                "visibility.splats",
-                &shaders::VISIBILITY_SPLATS_COMP,
+                kind.pass(),
+                leaves,
                 &[LOOKS_FIRST.is(looks_first)],
                 flags,
             )?,
@@ -62,7 +108,7 @@ impl ComputeVisibility {
                 &PipelineDescription {
                     name: "visibility.resolve",
                     vertex: &shaders::COMPUTE_RESOLVE_VERT,
-                    fragment: Some(shaders::VISIBILITY_RESOLVE_FRAG.of(normals)),
+                    fragment: Some(shades.of(normals)),
                     constants: &[],
                     record: VertexRecord::NOTHING,
                     topology: PrimitiveTopology::Triangles,
@@ -78,7 +124,7 @@ impl ComputeVisibility {
         })
     }
 
-    /// Passes visibility.clear, visibility.splats and visibility.resolve: the first `count` records of a list. Keeps what
+    /// Passes visibility.clear, the one of its kind and visibility.resolve: the first `count` records of a list. Keeps what
     /// the targets hold where it is nearer, if the rasterizer drew before (`is_first`: it did not).
     ///
     /// # Errors
@@ -92,7 +138,8 @@ impl ComputeVisibility {
         context: &Context,
         constants: UniformBlock,
     ) -> Result<(), Error> {
-        let list = (records, size_of::<Splat>() as u64);
+        let (bytes, sharers) = self.kind.record();
+        let list = (records, bytes);
         let parts = storage_ranges::bound(frame, context, self.max_binding, list, (0, count))?;
         let kept = [&self.footprints, &self.centers].map(|buffer| BufferSlice::whole(buffer));
         let bytes = 8 * screen_bounds::pixels(context.rect_px);
@@ -100,7 +147,7 @@ impl ComputeVisibility {
             .pass("visibility.clear")
             .fill(&[(&self.footprints, bytes), (&self.centers, bytes)], 0);
         frame
-            .pass("visibility.splats")
+            .pass(self.kind.pass())
             .storage_read(records)
             .storage(&self.footprints)
             .storage(&self.centers)
@@ -108,7 +155,7 @@ impl ComputeVisibility {
                 for &(part, uniform, count) in &parts {
                     let storage = [part, kept[0], kept[1]];
                     compute.bind(&self.splats, &[constants, uniform], &storage);
-                    compute.items(count);
+                    compute.items(count * sharers);
                 }
             });
         let load = || match is_first {

@@ -22,7 +22,7 @@ use crate::render::vulkan::opaque::hardware::SplatSource;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, RasterSplats, ScreenDraw};
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::visibility::compute::ComputeVisibility;
+use crate::render::vulkan::visibility::compute::{ComputeVisibility, VisibleKind};
 use crate::render::vulkan::visibility::pull_push::ColorPyramid;
 use crate::render::vulkan::visibility::targets::{FRONTS, PICKED, attach_last, last_pass};
 use crate::render::vulkan::{NORMAL, POLYGON, SPLAT, VERTEX};
@@ -32,7 +32,7 @@ use std::sync::Arc;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct VisibilityLists<'a> {
     pub(crate) raster: RasterList<'a>,
-    /// Compute draws those of the list that are points; parts of the picture in which they can be.
+    /// Compute draws splats from vertices, and those of the list that are points; parts of the picture in which they can be.
     pub(crate) by_compute: Option<&'a [[u32; 4]]>,
     /// No splat is larger, pixels.
     pub(crate) largest_px: f32,
@@ -184,8 +184,8 @@ impl VisibilityPasses {
         Ok(())
     }
 
-    /// Makes what splats from `source` and `reconstruction` need in frames of these flags, that compute may draw or may not,
-    /// outside of the frame.
+    /// Makes what splats from `source` and `reconstruction` need in frames of these flags, outside of the frame, and the kind
+    /// that compute may draw.
     ///
     /// # Errors
     /// When memory runs out.
@@ -193,7 +193,7 @@ impl VisibilityPasses {
         &mut self,
         source: SplatSource,
         reconstruction: Reconstruction,
-        (flags, by_compute): (u32, bool),
+        (flags, by_compute): (u32, Option<VisibleKind>),
     ) -> Result<(), Error> {
         let how = (self.normals, flags);
         if self.triangles.as_ref().is_none_or(|made| made.0 != flags) {
@@ -211,9 +211,11 @@ impl VisibilityPasses {
             (self.from_list, self.from_vertices, self.polygons) = (None, None, None);
             self.twin = None;
         }
-        if by_compute && self.twin.is_none() {
+        if let Some(kind) = by_compute
+            && self.twin.as_ref().is_none_or(|twin| twin.kind != kind)
+        {
             let size = (self.picked.width, self.picked.height);
-            self.twin = Some(ComputeVisibility::new(&self.gpu, how, size)?);
+            self.twin = Some(ComputeVisibility::new(&self.gpu, kind, how, size)?);
         }
         let pipelines = match source {
             SplatSource::List => &mut self.from_list,
@@ -303,27 +305,27 @@ impl VisibilityPasses {
         constants: UniformBlock,
     ) -> Result<(), Error> {
         let all = &list.raster;
-        let (records, areas, twin) = match (all.splats, list.by_compute, &self.twin) {
-            (RasterSplats::Records(records), Some(areas), Some(twin))
-                if records.points.count > 0 =>
-            {
-                (records, areas, twin)
+        let small = match all.splats {
+            RasterSplats::Records(records) if records.points.count > 0 => {
+                let rest = RasterSplats::Records(records.without_points());
+                Some((rest, (records.buffer, records.points.count)))
             }
-            _ => {
-                self.record_splats(frame, targets, all, context, constants);
-                return Ok(());
+            RasterSplats::Polygons(polygons, count) => {
+                Some((RasterSplats::Nothing, (polygons, count)))
             }
+            _ => None,
         };
-        let rest = RasterList {
-            splats: RasterSplats::Records(records.without_points()),
-            ..*all
+        let (Some((splats, small)), Some(areas), Some(twin)) = (small, list.by_compute, &self.twin)
+        else {
+            self.record_splats(frame, targets, all, context, constants);
+            return Ok(());
         };
+        let rest = RasterList { splats, ..*all };
         let is_first = rest.is_empty();
         if !is_first {
             self.record_splats(frame, targets, &rest, context, constants);
         }
         let onto = (targets, [&self.picked, &self.fronts]);
-        let small = (records.buffer, records.points.count);
         twin.record(frame, onto, small, (areas, is_first), context, constants)
     }
 
