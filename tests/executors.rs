@@ -110,7 +110,15 @@ const TABLE: &[ExecutorPromise] = &[
         NO_DEVICE_CUT,
     ),
     technique("patches", &["patches", "patches-coarse"], NO_DEVICE_CUT),
-    technique("splats from vertices", &["from-vertices"], NO_CUT),
+    technique(
+        "splats from vertices",
+        &[
+            "from-vertices",
+            "from-vertices-gauss",
+            "from-vertices-visibility",
+        ],
+        NO_CUT,
+    ),
     technique("splats alone", &["splats", "splats-gauss"], NO_DEVICE_CUT),
     technique(
         "filtered splats",

@@ -99,7 +99,7 @@ fn is_by(executor: PictureExecutor, passes: &[&str]) -> bool {
         "small.clear",
         "fuzzy.clear",
         "filtered.clear",
-        "visibility.splats",
+        "visibility.clear",
         "polygons.clear",
     ];
     let is_by_compute = by_compute.iter().any(|name| has(name));

@@ -77,8 +77,18 @@ impl CornerScreen {
     /// A position in the clip space of the viewport: x, y, z (reversed depth times w) and w.
     #[inline]
     pub(crate) fn clip(&self, position: Vec3) -> Vec4 {
-        let Vec3 { x, y, z } = position;
-        let [x, y, z] = (self.view).map(|row| x * row[0] + (y * row[1] + (z * row[2] + row[3])));
+        self.clip_of_view(self.in_view(position))
+    }
+
+    /// A position in view space.
+    #[inline]
+    pub(crate) fn in_view(&self, Vec3 { x, y, z }: Vec3) -> Vec3 {
+        Vec3::from_array((self.view).map(|row| x * row[0] + (y * row[1] + (z * row[2] + row[3]))))
+    }
+
+    /// Clip position of one in view space, see [`CornerScreen::clip`].
+    #[inline]
+    pub(crate) fn clip_of_view(&self, Vec3 { x, y, z }: Vec3) -> Vec4 {
         let [to_x, to_y, to_z, to_w] = self.along.map(|row| z * row[0] + row[1]);
         Vec4::new(
             x * self.across[0] + to_x,

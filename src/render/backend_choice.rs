@@ -2,6 +2,7 @@
 
 use crate::gpu::Error;
 use crate::render::cpu::supported::unsupported_reason;
+use crate::render::technique::Technique;
 use crate::render::{Path, PictureOutputs, Settings};
 
 /// The backend of a frame.
@@ -28,8 +29,8 @@ pub(crate) struct AvailableBackends {
 
 impl AvailableBackends {
     /// Chooses the backend of a frame of these settings, outputs and size, pixels. The processor comes first. Beside a
-    /// device it leaves frames to that for which somebody insists on a rasterizer, those that draw the whole mesh, and those
-    /// with photographs.
+    /// device it leaves frames to that for which somebody insists on a rasterizer, those that draw the whole mesh, those of
+    /// splats from vertices that are blended, and those with photographs.
     ///
     /// # Errors
     /// [`Error::Unsupported`] when none can draw it, with the reason.
@@ -39,9 +40,7 @@ impl AvailableBackends {
         outputs: PictureOutputs,
         size: [u32; 2],
     ) -> Result<FrameBackend, Error> {
-        let is_own = settings.has_lists();
-        let is_left = self.has_device
-            && (settings.shows_photos() || !(settings.path == Path::Auto && is_own));
+        let is_left = self.has_device && (settings.shows_photos() || !is_usual(settings));
         let reason = match self.has_cpu {
             false => Some("it is not asked for"),
             true if is_left => Some("it is left to the device"),
@@ -59,11 +58,19 @@ impl AvailableBackends {
     }
 }
 
+/// Tells whether the processor's renderer is the usual choice beside a device that is the processor itself, where it can.
+pub(crate) fn is_usual(settings: &Settings) -> bool {
+    settings.path == Path::Auto
+        && settings.has_lists()
+        && !Technique::blends_vertex_splats(settings)
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
+    use crate::oriented::splats::SplatRules;
     use crate::render::{Blend, Method, SplatKind};
 
     #[test]
@@ -110,6 +117,16 @@ mod tests {
         };
         let chosen = of(true, true, false).choose(&flat, outputs, [100, 100]);
         assert_eq!(chosen.ok(), cpu);
+        // Splats from vertices that are blended it draws where there is no device.
+        let of_vertices = Settings {
+            method: Method::Splats,
+            vertex_splats: Some(SplatRules::default()),
+            ..fuzzy
+        };
+        let chosen =
+            |available: AvailableBackends| available.choose(&of_vertices, outputs, [100, 100]).ok();
+        assert_eq!(chosen(of(true, true, false)), device);
+        assert_eq!(chosen(of(false, true, true)), cpu);
         let error = of(false, true, false).choose(&fuzzy, outputs, [100, 100]);
         assert!(error.unwrap_err().to_string().contains("filtered"));
     }

@@ -15,7 +15,8 @@ use crate::math::camera::View;
 use crate::progress::{Progress, SilentProgress};
 use crate::projective::frame_photos::FramePhotos;
 use crate::render::PictureOutputs;
-use crate::render::backend_choice::{AvailableBackends, FrameBackend};
+use crate::render::Settings;
+use crate::render::backend_choice::{AvailableBackends, FrameBackend, is_usual};
 use crate::render::cost::model::DrawCosts;
 use crate::render::cpu::supported::unsupported_reason;
 use crate::render::engine::cpu_pictures::CpuPictures;
@@ -28,7 +29,6 @@ use crate::render::stats::FrameTimes;
 use crate::render::supported::{check, check_patches_of};
 use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
-use crate::render::{Path, Settings};
 use crate::tree::Model;
 pub use smooth::smooth_threshold;
 // The resting picture of the window judges as a smooth picture does.
@@ -96,10 +96,7 @@ impl Backend {
     pub fn draws_by_cpu(&self, settings: &Settings) -> bool {
         let can = unsupported_reason(settings, PictureOutputs::default(), [1, 1]).is_none();
         match self {
-            Self::Device(gpu) => {
-                let is_own = settings.has_lists();
-                can && gpu.info().is_cpu() && settings.path == Path::Auto && is_own
-            }
+            Self::Device(gpu) => can && gpu.info().is_cpu() && is_usual(settings),
             Self::Cpu | Self::WithoutDevice => can,
             Self::Vulkan(_) | Self::Mirror => false,
         }

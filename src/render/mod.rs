@@ -16,6 +16,7 @@ pub(crate) mod frame_constants;
 #[cfg(feature = "viewer")]
 pub mod frame_estimate;
 pub mod frame_plan;
+pub(crate) mod hole_filling;
 pub mod model_facts;
 mod outputs;
 pub mod pack_params;

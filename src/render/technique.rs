@@ -31,4 +31,9 @@ impl Technique {
             _ => Self::Opaque,
         }
     }
+
+    /// Tells whether splats from vertices are blended or hide centers.
+    pub(crate) fn blends_vertex_splats(settings: &Settings) -> bool {
+        settings.drawn_vertex_splats().is_some() && Self::of(settings) != Self::Polygons
+    }
 }

@@ -220,6 +220,15 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
         with(case("from-vertices", Splats, Square, 1.0), &|s| {
             s.vertex_splats = Some(SplatRules::default());
         }),
+        with(case("from-vertices-gauss", Splats, Gauss, 1.0), &|s| {
+            s.vertex_splats = Some(SplatRules::default());
+        }),
+        with(
+            case("from-vertices-visibility", Splats, Visibility, 1.0),
+            &|s| {
+                s.vertex_splats = Some(SplatRules::default());
+            },
+        ),
         case("splats", Splats, Square, 2.0).no_compute(OF_A_TREE),
         case("splats-gauss", Splats, Gauss, 2.0).no_host(NOT_BLENDED),
         with(case("primitive", Pop, Square, 2.5), &|s| {

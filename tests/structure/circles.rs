@@ -14,7 +14,6 @@ const OVERDUE: &[&str] = &[
     "src/render/cpu/filtered.rs",
     "src/render/cpu/float_planes.rs",
     "src/render/reference/fuzzy.rs",
-    "src/render/reference/visibility.rs",
     "src/tree/build.rs",
 ];
 

@@ -100,6 +100,11 @@ impl FrameShading {
         self.flags & flag != 0
     }
 
+    /// Tells whether kinds of primitives decide colors.
+    pub(super) fn is_tinted(&self) -> bool {
+        self.has(FLAG_COLOR_BY_PRIMITIVE)
+    }
+
     /// Tells whether the headlight decides alone: the frame has no lamp and shows no data.
     pub(super) fn has_headlight(&self) -> bool {
         !self.has(OTHERS)
@@ -170,6 +175,60 @@ impl FrameShading {
             color,
             normal: unit,
         }
+    }
+
+    /// A point of a splat from a vertex before light falls on it.
+    pub(super) fn base_of_polygon(&self, polygon: &OrientedPolygon, uv: [f32; 2]) -> ShadedPoint {
+        ShadedPoint {
+            color: match self.is_tinted() {
+                true => SPLAT_TINT,
+                false => polygon.color_at(uv),
+            },
+            normal: unit_or_zero(polygon.normal_at(uv)),
+        }
+    }
+
+    /// A normal with the axes of the model that a pixel sees, turned around where deferred shading sums it so.
+    pub(super) fn turned(&self, pixel: [u32; 2], normal: Vec3) -> Vec3 {
+        let facing = self.facing(pixel, normal);
+        let is_back = match self.has(FLAG_PHONG | FLAG_LIT_SPHERE) {
+            true => !self.has(FLAG_CULLS_BACK) && facing < -LEAST_BACK,
+            false => facing < 0.0,
+        };
+        match self.has(FLAG_TWO_SIDED) && is_back {
+            true => -normal,
+            false => normal,
+        }
+    }
+
+    /// Cosine between a normal with the axes of the model and the direction from a pixel to the eye; 1 without a normal.
+    pub(super) fn facing(&self, pixel: [u32; 2], normal: Vec3) -> f32 {
+        let to_eye = self.eye_direction(self.ray(pixel).extend(-1.0));
+        match normal == Vec3::ZERO {
+            true => 1.0,
+            false => (self.turn * normal / self.model_scale).dot(to_eye),
+        }
+    }
+
+    /// Means of deferred shading, lit: of a color before light falls on it, of a normal with the axes of the model, and of
+    /// reversed depths.
+    pub(super) fn of_means(&self, pixel: [u32; 2], base: ShadedPoint, depth: f32) -> Vec3 {
+        let normal = self.turn * base.normal / self.model_scale;
+        let albedo = self.albedo(base.color, base.color);
+        let ray = self.ray(pixel);
+        if self.has(FLAG_PHONG | FLAG_LIT_SPHERE) {
+            let [factor, added] = self.depth_from_z;
+            let at = match self.has(FLAG_ORTHOGRAPHIC) {
+                true => ray.extend((depth - added) / factor),
+                false => ray.extend(-1.0) * (added / (depth + factor)),
+            };
+            return self.in_lamps(at, normal, albedo);
+        }
+        let to_light = match self.has(FLAG_PARALLEL_LIGHT) {
+            true => Vec3::Z,
+            false => -ray.extend(-1.0),
+        };
+        albedo * self.lambert(normal, to_light)
     }
 
     /// A triangle that covers few pixels, as a splat of one; not in colors by primitive.
@@ -245,18 +304,23 @@ impl FrameShading {
         } else if self.has(FLAG_COLOR_BY_DEPTH) {
             let [near, far] = self.depth_range;
             falsecolor::ramp((far + at.z) / (far - near)).into()
-        } else if self.has(FLAG_LIT_SPHERE) {
-            let surface = LitSurface {
-                normal,
-                to_eye: self.eye_direction(at),
-                culls_back: self.has(FLAG_CULLS_BACK),
-                two_sided: self.has(FLAG_TWO_SIDED),
-            };
-            self.sphere
-                .value(&surface, self.albedo(color, tint) / ALBEDO)
         } else {
-            self.in_lamp(at, normal, self.albedo(color, tint))
+            self.in_lamps(at, normal, self.albedo(color, tint))
         }
+    }
+
+    /// A surface of an albedo in light that is not the headlight.
+    fn in_lamps(&self, at: Vec3, normal: Vec3, albedo: Vec3) -> Vec3 {
+        if !self.has(FLAG_LIT_SPHERE) {
+            return self.in_lamp(at, normal, albedo);
+        }
+        let surface = LitSurface {
+            normal,
+            to_eye: self.eye_direction(at),
+            culls_back: self.has(FLAG_CULLS_BACK),
+            two_sided: self.has(FLAG_TWO_SIDED),
+        };
+        self.sphere.value(&surface, albedo / ALBEDO)
     }
 
     /// Unit vector from a point of view space to the eye.

@@ -1,8 +1,10 @@
-//! The fast renderer of the processor: opaque squares, discs and ellipses, filtered splats and triangles, by vectors as wide as the
+//! The fast renderer of the processor: opaque squares, discs and ellipses, filtered splats, splats from
+//! vertices and triangles, by vectors as wide as the
 //! processor has them.
 
 pub(crate) mod ambient_occlusion;
 pub(crate) mod clip;
+mod corner_push;
 pub(crate) mod darken;
 pub(crate) mod eye_dome;
 pub mod filtered;
@@ -13,5 +15,6 @@ pub mod picture;
 #[cfg(feature = "viewer")]
 pub(crate) mod predict;
 pub mod renderer;
+mod seen_polygon;
 pub mod supported;
 pub(crate) mod triangles;

@@ -1,8 +1,10 @@
 //! Whole frames on the processor: cut, pack and draw, triangles of any size included. No device is needed.
 
+mod blended;
 mod looks;
 mod polygons;
 mod surfaces;
+mod visible;
 
 use crate::abi::{FilteredSplat, FrameConstants, OrientedPolygon, Splat};
 use crate::cut::CutSelector;
@@ -78,6 +80,8 @@ pub struct CpuRenderer {
     /// Number of triangles that were set up.
     pub(super) triangles_given: usize,
     triangles: CutTriangles,
+    /// The same, where the first of two passes that blend has them.
+    pushed: CutTriangles,
     places: SplatPlaces,
     filtered: Vec<FilteredSplat>,
     front: Vec<u32>,
@@ -121,6 +125,7 @@ impl CpuRenderer {
             triangle_ids: Vec::new(),
             triangles_given: 0,
             triangles: CutTriangles::default(),
+            pushed: CutTriangles::default(),
             places: SplatPlaces::default(),
             filtered: Vec::new(),
             front: Vec::new(),
@@ -220,6 +225,8 @@ impl CpuRenderer {
         };
         let counts = match plan.technique {
             Technique::Filtered => self.draw_filtered(&frame, &mut pixels),
+            Technique::Fuzzy => self.draw_blended(&frame, &light, &mut pixels),
+            Technique::Visibility => self.draw_visible(&frame, &light, &mut pixels),
             Technique::Polygons => self.draw_polygons(&frame, &light, &mut pixels),
             _ if self.needs_surfaces(settings) => self.draw_surfaces(&frame, &light, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),

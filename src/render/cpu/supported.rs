@@ -23,8 +23,10 @@ pub fn unsupported_reason(
         Some("it draws no vertices as points; use --method pop or splats")
     } else if settings.color_by == ColorBy::Overdraw {
         Some("it counts no overdraw; use --color-by shading")
+    } else if Technique::blends_vertex_splats(settings) {
+        None
     } else if settings.color_by == ColorBy::Classification {
-        Some("only visibility splats have a classification, and it does not draw those")
+        Some("only visibility splats have a classification, and it draws those from vertices alone")
     } else {
         match Technique::of(settings) {
             Technique::Nothing => None,
@@ -36,8 +38,10 @@ pub fn unsupported_reason(
                 "filtered splats are sums over a pixel and have no normal; leave --normals out",
             ),
             Technique::Filtered => None,
-            Technique::Fuzzy => Some("it blends filtered splats only; use --splat filtered"),
-            Technique::Visibility => Some("it draws no visibility splats"),
+            Technique::Fuzzy => Some(
+                "it blends filtered splats only, and splats from vertices; use --splat filtered",
+            ),
+            Technique::Visibility => Some("it draws no visibility splats but those from vertices"),
         }
     }
 }

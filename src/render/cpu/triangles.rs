@@ -9,19 +9,21 @@ mod surface;
 
 pub(super) use self::surface::{FaceSurface, FaceTexture, SurfaceMesh};
 
-use crate::abi::FrameConstants;
 use crate::abi::constants::{
     COARSE_STEPS, FLAG_COLOR_BY_PRIMITIVE, FLAG_PARALLEL_LIGHT, FLAG_TWO_SIDED, FLAG_USE_COLORS,
 };
+use crate::abi::{FrameConstants, Vertex};
+use crate::math::octahedral;
 use crate::pack::small_triangles::{CornerScreen, PlacedCorner};
 use crate::pack::{ALBEDO, parallel};
 use crate::render::cpu::clip;
+use crate::render::cpu::corner_push::CornerPush;
 use crate::render::cpu::filtered::{FilteredBand, PictureArea};
 use crate::render::cpu::frame_shading::{
     FrameShading, ShadedPoint, TRIANGLE_TINT, TrianglePoint, unit_or_zero,
 };
 use crate::tree::Model;
-use glam::{Mat3, Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3, Vec4};
 use prefetch_index::prefetch_index;
 
 /// Corners farther out, 16,384 pixels, are clipped. Up to there a sum with [`WHOLE`] has no places behind the point, and
@@ -50,6 +52,8 @@ pub struct FrameLight {
     /// Of white; and whether surfaces have colors of their own.
     pub(super) albedo: Vec3,
     pub(super) has_colors: bool,
+    /// By how much corners are pushed away from the eye.
+    push: Option<CornerPush>,
 }
 
 impl FrameLight {
@@ -79,6 +83,31 @@ impl FrameLight {
                 Vec3::splat(ALBEDO)
             },
             has_colors: has(FLAG_USE_COLORS) && !is_tinted,
+            push: None,
+        }
+    }
+
+    /// The same, with triangles where the first of two passes that blend has them.
+    pub(super) fn pushed(self, frame: &FrameConstants) -> Self {
+        Self {
+            push: Some(CornerPush::of_frame(frame)),
+            ..self
+        }
+    }
+
+    /// Clip position of a corner.
+    #[inline]
+    fn clip(&self, vertex: &Vertex) -> Vec4 {
+        match &self.push {
+            None => self.screen.clip(vertex.position),
+            Some(push) => {
+                let at = self.screen.in_view(vertex.position);
+                let normal = match vertex.color[3] {
+                    0 => Vec3::ZERO,
+                    _ => unit_or_zero(self.turn * octahedral::decode(vertex.normal)),
+                };
+                self.screen.clip_of_view(push.pushed(at, normal))
+            }
         }
     }
 }
@@ -278,7 +307,7 @@ impl PictureFace {
     /// Calls `visit` for all pixels of some rows whose centers the triangle covers, with the weights of the corners in the
     /// window.
     #[inline]
-    fn for_each_pixel(&self, rows: [u32; 2], mut visit: impl FnMut([u32; 2], Vec3)) {
+    pub(super) fn for_each_pixel(&self, rows: [u32; 2], mut visit: impl FnMut([u32; 2], Vec3)) {
         let [left, _, right, _] = self.pixels;
         let (top, bottom) = (self.pixels[1].max(rows[0]), self.pixels[3].min(rows[1]));
         let (area, edges) = self.edges_from([left, top]);
@@ -333,7 +362,7 @@ impl PictureFace {
     }
 
     #[inline]
-    fn depth_at(&self, weights: Vec3) -> f32 {
+    pub(super) fn depth_at(&self, weights: Vec3) -> f32 {
         let of = weights * self.depth;
         (of.x + of.y + of.z).clamp(0.0, 1.0)
     }
@@ -400,12 +429,12 @@ impl FrameLight {
                 }
             }
             let corners = model.triangles[id as usize];
-            let positions = corners.map(|vertex| model.vertices[vertex as usize].position);
-            match positions.map(|position| self.screen.place(position)) {
+            let clip = corners.map(|vertex| self.clip(&model.vertices[vertex as usize]));
+            match clip.map(|clip| self.screen.place_clip(clip)) {
                 [Some(a), Some(b), Some(c)] if [a, b, c].iter().all(is_within_reach) => {
                     part.faces.extend(self.face([a, b, c], corners));
                 }
-                _ => self.add_clipped(part, corners, positions),
+                _ => self.add_clipped(part, corners, clip),
             }
         }
         part.rows.clear();
@@ -417,8 +446,7 @@ impl FrameLight {
 
     /// Adds the pieces of a triangle that are between the near and the far plane and within reach of whole steps.
     #[cold]
-    fn add_clipped(&self, part: &mut FacePart, corners: [u32; 3], positions: [Vec3; 3]) {
-        let clip = positions.map(|position| self.screen.clip(position));
+    fn add_clipped(&self, part: &mut FacePart, corners: [u32; 3], clip: [Vec4; 3]) {
         let polygon = clip::clipped(clip, self.screen.viewport_px());
         for pieces in 1..polygon.len().max(2) - 1 {
             let piece = [&polygon[0], &polygon[pieces], &polygon[pieces + 1]];
@@ -491,6 +519,18 @@ impl FrameLight {
         let normal = unit_or_zero(surface.normals * (place.weights / place.inverse_w()));
         ShadedPoint {
             color: self.color_at(surface, place),
+            normal: self.shading.in_model(normal),
+        }
+    }
+
+    /// Color before light falls on it, and normal.
+    pub(super) fn base_at(&self, surface: &FaceSurface<'_>, place: &SurfacePlace) -> ShadedPoint {
+        let normal = unit_or_zero(surface.normals * (place.weights / place.inverse_w()));
+        ShadedPoint {
+            color: match self.shading.is_tinted() {
+                true => TRIANGLE_TINT,
+                false => surface.color_at(place.weights),
+            },
             normal: self.shading.in_model(normal),
         }
     }

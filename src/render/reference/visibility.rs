@@ -1,16 +1,17 @@
 //! The reference of visibility splatting (Benda, section 3.3.4): footprints into depth, centers into pixels, and a
-//! reconstruction of what lies between ([`reconstruct`]).
+//! reconstruction of what lies between ([`crate::render::hole_filling`]).
 //!
 //! Coverage, snapping and the vertex shader are those of [`crate::render::reference::render`].
-
-mod reconstruct;
 
 use crate::abi::{OrientedPolygon, Splat, Vertex};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
 use crate::pack::{ColorBy, DrawList, PrimitiveStyle};
 use crate::render::PictureOutputs;
+#[cfg(doc)]
 use crate::render::Reconstruction;
+use crate::render::hole_filling::PyramidLevel;
+pub use crate::render::hole_filling::{HoleFilling, PixelClass, VisibilityPixel};
 use crate::render::reference::bands::{PixelRows, plane};
 use crate::render::reference::disc::DiscFootprint;
 use crate::render::reference::frame::{PlacedVertex, ReferenceFrame};
@@ -19,7 +20,6 @@ use crate::render::reference::shade::{SurfacePoint, normal_of};
 use crate::render::reference::splat::{PlacedSplat, RasterSplat, SplatFootprint, splat_of_vertex};
 use crate::render::reference::square::SquareFootprint;
 use crate::render::reference::triangle;
-use crate::render::reference::visibility::reconstruct::PyramidLevel;
 use glam::DVec3;
 
 /// The least |cosine| between normal and view direction that a depth offset is divided by: offsets grow to 10 times
@@ -36,38 +36,6 @@ fn before_far(depth: f32) -> f32 {
     } else {
         depth.min(1.0)
     }
-}
-
-/// What a pixel is.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum PixelClass {
-    /// Nothing is there.
-    #[default]
-    Background,
-    /// A footprint covers it, and no center is seen in it.
-    Hole,
-    /// The center of a splat, or a triangle.
-    Foreground,
-}
-
-/// A pixel after the first two passes, and of the pyramid.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct VisibilityPixel {
-    /// What it is.
-    pub class: PixelClass,
-    /// Shaded color: of the nearest center or triangle, in a hole of the footprint that made it.
-    pub color: [u8; 3],
-    /// Distance along the view direction, without the depth offset, and that offset; view-space units.
-    pub front: [f32; 2],
-}
-
-/// How holes are filled.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HoleFilling {
-    /// By which method.
-    pub reconstruction: Reconstruction,
-    /// No splat is larger than this, pixels: bounds the reach of [`Reconstruction::PullPush`]; infinite for any.
-    pub largest_px: f32,
 }
 
 /// What [`render_visibility`] draws: the picture, and what it comes from.

@@ -3,7 +3,6 @@
 use crate::abi::OrientedPolygon;
 use crate::pack::ColorBy;
 use crate::pack::parallel;
-use crate::pack::polygons::ScreenPolygon;
 use crate::patches::{PatchRaster, PatchTarget};
 use crate::render::Method;
 use crate::render::cpu::float_planes::word_of;
@@ -11,29 +10,22 @@ use crate::render::cpu::frame_shading::{FrameShading, PATCH_TINT, SPLAT_TINT, Sh
 use crate::render::cpu::opaque;
 use crate::render::cpu::picture::PixelWords;
 use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
+use crate::render::cpu::seen_polygon::{SeenPolygon, seen_polygons};
 use crate::render::cpu::triangles::FrameLight;
 use crate::render::model_facts::FactedModel;
-use crate::render::technique::Technique;
 use crate::tree::Model;
-use glam::DVec2;
 
 /// Rows that a thread takes.
-const BAND_PX: usize = 16;
-
-/// A polygon where the frame sees it.
-struct SeenPolygon<'p> {
-    polygon: &'p OrientedPolygon,
-    seen: ScreenPolygon,
-}
+pub(super) const BAND_PX: usize = 16;
 
 /// Rows of the rectangle that is drawn in.
-struct PolygonBand<'a> {
+pub(super) struct PolygonBand<'a> {
     /// The first, counted from the top of the picture.
-    top: usize,
-    colors: &'a mut [u32],
-    depths: &'a mut [f32],
-    values: &'a mut [[f32; 4]],
-    normals: &'a mut [[f32; 3]],
+    pub(super) top: usize,
+    pub(super) colors: &'a mut [u32],
+    pub(super) depths: &'a mut [f32],
+    pub(super) values: &'a mut [[f32; 4]],
+    pub(super) normals: &'a mut [[f32; 3]],
 }
 
 impl CpuRenderer {
@@ -44,7 +36,7 @@ impl CpuRenderer {
             self.triangle_ids = frame.drawn.iter().map(all).collect();
         }
         let is_cut =
-            frame.settings.method == Method::Pop || frame.plan.technique == Technique::Polygons;
+            frame.settings.method == Method::Pop || frame.settings.drawn_polygons().is_some();
         let ids: Vec<&[u32]> = match is_cut {
             true if !samples_triangles => self.cuts.iter().map(|cut| &*cut.triangles).collect(),
             _ => self.triangle_ids.iter().map(|ids| &**ids).collect(),
@@ -79,12 +71,9 @@ impl CpuRenderer {
         let planes = self.planes.planes();
         let bands = bands_of(frame, pixels, &mut self.depths, planes);
         let shading = FrameShading::new(frame.constants);
-        let clip = frame.constants.clip_from_view;
-        let depth_of = |distance: f32| {
-            let last = clip[3][3] - clip[2][3] * distance;
-            (clip[3][2] - clip[2][2] * distance) / last
-        };
-        let seen = seen_polygons(polygons, frame);
+        let depth_of = depth_of_distance(frame);
+        let is_culled = frame.settings.draws_fronts_only(frame.plan.facts.is_closed);
+        let seen = seen_polygons(polygons, frame.view, is_culled);
         let area = pixels_of(frame.context.rect_px);
         parallel::share(area, bands.into_iter(), |mut band| {
             for one in &seen {
@@ -147,18 +136,27 @@ impl CpuRenderer {
     }
 }
 
-fn pixels_of([left, top, right, bottom]: [u32; 4]) -> usize {
+/// Reversed depth of a distance along the view direction, of a frame; unbounded.
+pub(super) fn depth_of_distance(frame: &CpuFrame<'_>) -> impl Fn(f32) -> f32 + Copy + Sync + use<> {
+    let clip = frame.constants.clip_from_view;
+    move |distance| {
+        let last = clip[3][3] - clip[2][3] * distance;
+        (clip[3][2] - clip[2][2] * distance) / last
+    }
+}
+
+pub(super) fn pixels_of([left, top, right, bottom]: [u32; 4]) -> usize {
     right.saturating_sub(left) as usize * bottom.saturating_sub(top) as usize
 }
 
 /// The first column, how many there are, and words from a row to the next.
-fn columns_of(frame: &CpuFrame<'_>, pitch: usize) -> [usize; 3] {
+pub(super) fn columns_of(frame: &CpuFrame<'_>, pitch: usize) -> [usize; 3] {
     let [left, _, right, _] = frame.context.rect_px.map(|edge| edge as usize);
     [left, right.saturating_sub(left), pitch]
 }
 
 /// Bands of the rectangle that is drawn in.
-fn bands_of<'a>(
+pub(super) fn bands_of<'a>(
     frame: &CpuFrame<'_>,
     pixels: &'a mut PixelWords<'_>,
     depths: &'a mut [f32],
@@ -188,20 +186,6 @@ fn bands_of<'a>(
         .collect()
 }
 
-/// Polygons that the frame sees, in their order.
-fn seen_polygons<'p>(splats: &'p [OrientedPolygon], frame: &CpuFrame<'_>) -> Vec<SeenPolygon<'p>> {
-    let is_culled = frame.settings.draws_fronts_only(frame.plan.facts.is_closed);
-    (splats.iter())
-        .filter(|polygon| !is_culled || polygon.faces(frame.view))
-        .filter_map(|polygon| {
-            Some(SeenPolygon {
-                polygon,
-                seen: ScreenPolygon::of(polygon, frame.view)?,
-            })
-        })
-        .collect()
-}
-
 impl PolygonBand<'_> {
     /// Draws a polygon where it is nearest. The columns are the first, how many, and words from a row to the next.
     fn draw(
@@ -211,37 +195,16 @@ impl PolygonBand<'_> {
         shading: &FrameShading,
         depth_of: impl Fn(f32) -> f32,
     ) {
-        let rows = self.depths.len() / width;
-        let [low, high] = one.seen.bounds();
-        // Pixels whose centers lie between; casts saturate at 0.
-        let first_row = ((low.y - 0.5).ceil() as usize).clamp(self.top, self.top + rows);
-        let end_row = ((high.y - 0.5).floor() + 1.0) as usize;
-        for y in first_row..end_row.min(self.top + rows) {
-            let at_y = y as f64 + 0.5;
-            let [from, to] = one.seen.span(at_y);
-            if from > to {
-                continue;
+        let rows = [self.top, self.top + self.depths.len() / width];
+        let top = self.top;
+        one.for_each_pixel([left, left + width], rows, |[x, y], sample| {
+            let depth = depth_of(sample.distance as f32).clamp(0.0, 1.0);
+            let (row, column) = (y - top, x - left);
+            if self.wins(row * width + column, depth) {
+                let point = shading.of_polygon(one.polygon, sample.uv, SPLAT_TINT);
+                self.put([row * width, row * pitch].map(|from| from + column), point);
             }
-            let first = ((from - 0.5).ceil() as usize).max(left);
-            let end = (((to - 0.5).floor() + 1.0) as usize).min(left + width);
-            for x in first..end {
-                let at = DVec2::new(x as f64 + 0.5, at_y);
-                let is_widened = one.seen.margin_px() > 0.0;
-                let sample = match is_widened {
-                    true => one.seen.sample(at),
-                    false => one.seen.sample_inside(at),
-                };
-                let Some(sample) = sample else {
-                    continue;
-                };
-                let depth = depth_of(sample.distance as f32).clamp(0.0, 1.0);
-                let (row, column) = (y - self.top, x - left);
-                if self.wins(row * width + column, depth) {
-                    let point = shading.of_polygon(one.polygon, sample.uv, SPLAT_TINT);
-                    self.put([row * width, row * pitch].map(|from| from + column), point);
-                }
-            }
-        }
+        });
     }
 
     /// Shows the patches that are nearest, whose depths are there.
@@ -272,7 +235,7 @@ impl PolygonBand<'_> {
     }
 
     /// Writes a point, at a place among depths and one among words.
-    fn put(&mut self, [here, word]: [usize; 2], point: ShadedPoint) {
+    pub(super) fn put(&mut self, [here, word]: [usize; 2], point: ShadedPoint) {
         let value = point.color.extend(1.0);
         self.colors[word] = word_of(value);
         if let Some(own) = self.values.get_mut(here) {

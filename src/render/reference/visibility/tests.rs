@@ -4,6 +4,7 @@
 use crate::abi::Splat;
 use crate::math::camera::Camera;
 use crate::math::octahedral;
+use crate::render::Reconstruction;
 use crate::render::reference::visibility::*;
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;

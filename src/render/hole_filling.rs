@@ -1,11 +1,42 @@
-//! From centers to a whole picture. The steps and their order are those of the shaders; distances are compared in
+//! From centers to a whole picture, for the reference and the processor's renderer. The steps and their order are those of the shaders; distances are compared in
 //! single precision as there, and colors of the pyramid are whole numbers on both sides.
 
 use crate::image::unorm8;
 use crate::render::Reconstruction;
-use crate::render::reference::visibility::{HoleFilling, PixelClass, VisibilityPixel};
 use rayon::prelude::*;
 use std::ops::RangeInclusive;
+
+/// Class of a pixel.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum PixelClass {
+    /// Nothing is there.
+    #[default]
+    Background,
+    /// A footprint covers it, and no center is seen in it.
+    Hole,
+    /// The center of a splat, or a triangle.
+    Foreground,
+}
+
+/// A pixel after the first two passes, and of the pyramid.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct VisibilityPixel {
+    /// Class of it.
+    pub class: PixelClass,
+    /// Shaded color: of the nearest center or triangle, in a hole of the footprint that made it.
+    pub color: [u8; 3],
+    /// Distance along the view direction, without the depth offset, and that offset; view-space units.
+    pub front: [f32; 2],
+}
+
+/// Way in which holes are filled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HoleFilling {
+    /// By which method.
+    pub reconstruction: Reconstruction,
+    /// No splat is larger than this, pixels: bounds the reach of [`Reconstruction::PullPush`]; infinite for any.
+    pub largest_px: f32,
+}
 
 /// Half sides of the windows in which density is counted, pixels.
 const WINDOWS: [usize; 5] = [1, 2, 4, 8, 16];
@@ -21,16 +52,16 @@ fn is_one_surface(a: [f32; 2], b: [f32; 2]) -> bool {
 
 /// A picture of pixels: the finest, or one of the pyramid.
 #[derive(Debug, Clone)]
-pub(super) struct PyramidLevel {
-    pub(super) width: usize,
-    pub(super) height: usize,
-    pub(super) pixels: Vec<VisibilityPixel>,
+pub(crate) struct PyramidLevel {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) pixels: Vec<VisibilityPixel>,
 }
 
 impl PyramidLevel {
     /// The color of every hole that foreground of its surface is within reach of; `None` for the other pixels. `size_px` is
     /// the side of splats without a radius of their own.
-    pub(super) fn filled(self, filling: HoleFilling, size_px: f32) -> Vec<Option<[u8; 3]>> {
+    pub(crate) fn filled(self, filling: HoleFilling, size_px: f32) -> Vec<Option<[u8; 3]>> {
         match filling.reconstruction {
             Reconstruction::Gaussian => self.gathered(|_, _| Some(size_px)),
             Reconstruction::Density => self.gathered(|x, y| self.radius_at(x, y)),
