@@ -2,81 +2,23 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod common;
+#[path = "vertex_splats/shapes.rs"]
+mod shapes;
 
+use crate::shapes::{cube, fan, flat_cube, motley, sheet};
 use common::Device;
 use glam::{DVec3, Vec3};
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
-use surfel::mesh::Mesh;
 use surfel::oriented::radius::RadiusRule;
 use surfel::oriented::resample::{SampleChoice, SamplePattern};
 use surfel::oriented::splats::{LevelLeaf, SplatRules};
 use surfel::pack::{ColorBy, Phong, SurfaceLighting};
-use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{
     Blend, Culling, Method, Path, PictureOutputs, Reconstruction, Settings, Shading, SplatKind,
 };
-use surfel::tree::{self, BuildOptions, Model};
-
-/// A closed box of 8 vertices, one color each.
-fn cube() -> Model {
-    let positions: Vec<Vec3> = (0..8)
-        .map(|k| Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32))
-        .collect();
-    let quads = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    let triangles = quads
-        .iter()
-        .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
-    let mesh = Mesh {
-        colors: vec![[200, 150, 100, 255]; positions.len()],
-        positions,
-        triangles: triangles.collect(),
-        ..Mesh::default()
-    };
-    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
-}
-
-/// An open sheet with bumps.
-fn sheet() -> Model {
-    sheet_of(Vec::new())
-}
-
-/// The same sheet, each vertex of another color.
-fn motley() -> Model {
-    sheet_of(
-        (0..13 * 13_u32)
-            .map(|k| [k * 97, k * 61, k * 29].map(|c| c as u8))
-            .map(|[r, g, b]| [r, g, b, 255])
-            .collect(),
-    )
-}
-
-fn sheet_of(colors: Vec<[u8; 4]>) -> Model {
-    let n = 12_u32;
-    let positions = (0..(n + 1) * (n + 1)).map(|k| {
-        let (x, y) = ((k % (n + 1)) as f32, (k / (n + 1)) as f32);
-        Vec3::new(x, y, (x * 0.8).sin() * (y * 0.6).cos())
-    });
-    let triangles = (0..n * n).flat_map(|k| {
-        let a = k / n * (n + 1) + k % n;
-        [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]
-    });
-    let mesh = Mesh {
-        positions: positions.collect(),
-        colors,
-        triangles: triangles.collect(),
-        ..Mesh::default()
-    };
-    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
-}
+use surfel::tree::Model;
 
 fn view(model: &Model, azimuth: f64) -> View {
     let center = model.orbit_center.as_dvec3();
@@ -288,12 +230,12 @@ fn blended_looks(rules: SplatRules) -> Vec<Settings> {
 /// Holds a backend to the blended and visibility splats of the reference: the same pixels but where a depth decides.
 fn assert_blended_as_reference(own: &Backend, path: Path) {
     assert_splats_alone(&flat_cube(), cut(20.0), 24);
-    assert_splats_alone(&fan(), cut(20.0), 61);
+    assert_splats_alone(&fan(0.02), cut(20.0), 61);
     let size = (240, 200);
     let mut wrong = Vec::new();
     for (model, name) in [
         (flat_cube(), "cube"),
-        (fan(), "fan"),
+        (fan(0.02), "fan"),
         (sheet(), "sheet"),
         (motley(), "motley"),
     ] {
@@ -381,6 +323,31 @@ fn compute_blends_and_reconstructs_as_the_reference_does() {
     assert!(error.to_string().contains("--splat-shading"), "{error}");
 }
 
+/// Looks that darken what lies deep read the depth that a picture has: where splats stand beside triangles, a depth that is
+/// pushed away by their reach would be a pit.
+#[test]
+fn blended_splats_have_the_depth_of_the_surface() {
+    let model = fan(0.15);
+    assert_splats_alone(&model, cut(20.0), 61);
+    let view = view(&model, 0.3);
+    let opaque = settings(cut(20.0));
+    let blended = Settings {
+        splat: SplatKind::Gauss,
+        ..opaque
+    };
+    for backend in [Backend::Mirror, Backend::Cpu] {
+        let [a, b] = [&opaque, &blended].map(|look| draw(&backend, &model, &view, look).depth);
+        let seen = a
+            .iter()
+            .zip(&b)
+            .filter(|(a, b)| a.is_finite() && b.is_finite());
+        // Pushed by 0.01 of a radius of 1 over a cosine of at least 0.2; what faces may lie apart is 0.3 of the radius.
+        let far = seen.clone().filter(|(a, b)| (*a - *b).abs() > 0.1).count();
+        assert!(seen.clone().count() > 5_000);
+        assert!(50 * far < seen.count(), "{far} pixels lie deeper");
+    }
+}
+
 /// Blended splats have the coverage of opaque ones, and on flat faces their colors.
 #[test]
 fn blended_splats_of_a_cube_look_as_opaque_ones_do() {
@@ -402,39 +369,6 @@ fn blended_splats_of_a_cube_look_as_opaque_ones_do() {
         let differing = (0..opaque.color.len()).filter(levels).count();
         assert!(differing < 400, "{splat:?}: {differing}");
     }
-}
-
-/// The same box with vertices and normals of their own at each face.
-fn flat_cube() -> Model {
-    let cube = cube();
-    let corner = |v: &u32| cube.vertices[*v as usize].position;
-    let positions: Vec<Vec3> = cube.triangles.iter().flatten().map(corner).collect();
-    let normals = positions.chunks(3).flat_map(|face| {
-        let normal = (face[1] - face[0]).cross(face[2] - face[0]);
-        [normal.normalize(); 3]
-    });
-    let mesh = Mesh {
-        normals: normals.collect(),
-        triangles: (0..12).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(),
-        positions,
-        ..Mesh::default()
-    };
-    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
-}
-
-/// A shallow cone of equal facets with one normal, so that splats alone draw it: 60 at its rim and one in the middle.
-fn fan() -> Model {
-    let rim = (0..60).map(|k| {
-        let turn = k as f32 / 60.0 * std::f32::consts::TAU;
-        Vec3::new(turn.cos(), turn.sin(), 0.0)
-    });
-    let mesh = Mesh {
-        positions: rim.chain([Vec3::new(0.0, 0.0, 0.02)]).collect(),
-        normals: vec![Vec3::Z; 61],
-        triangles: (0..60).map(|k| [k, (k + 1) % 60, 60]).collect(),
-        ..Mesh::default()
-    };
-    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Even splats of every pattern show what the triangles do, by every backend.

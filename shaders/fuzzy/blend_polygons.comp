@@ -4,6 +4,7 @@
 // Pass fuzzy.blend by compute, splats from vertices: lit in each pixel, added with a weight that falls from the vertex to the
 // round bound where nothing in front hides them. A workgroup shares the pixels of one splat.
 #include "common/polygon_record.glsl"
+#include "common/push_polygon.glsl"
 #include "common/disc_pixels.glsl"
 #include "common/disc_look.glsl"
 #include "common/fixed_sums.glsl"
@@ -27,6 +28,7 @@ void main() {
     }
     read_polygon(list.begin + item);
     DiscPlane disc = disc_plane();
+    vec2 reach = reach_of(disc.middle);
     ivec4 pixels = faces_away(disc.middle) ? ivec4(0) : pixels_of_disc();
     int width = pixels.z - pixels.x;
     int count = max(width, 0) * max(pixels.w - pixels.y, 0);
@@ -35,7 +37,8 @@ void main() {
         DiscPixel seen;
         bool is_covered = disc_pixel(disc, vec2(at) + 0.5, seen);
         uint pixel = index_of(at);
-        if (is_covered && front[pixel] <= floatBitsToUint(seen.depth)) {
+        float tested = is_covered ? min(max(pulled_depth(seen.position, reach), seen.depth), 1.0) : 0.0;
+        if (is_covered && front[pixel] <= floatBitsToUint(tested)) {
             float squared = dot(seen.uv, seen.uv) / (round_radius * round_radius);
             vec3 n = unit_or_zero(mat3(frame.view_from_model) * disc_normal(seen.uv));
             vec3 shown = shade_disc(seen.position, n, seen.uv);

@@ -1,12 +1,15 @@
 #version 460
 // Pass fuzzy.blend, splats from vertices: lit in each pixel, with a weight that falls from the vertex to the round bound.
+// Pulled towards the eye: the first pass hides what lies farther behind it than surfaces of both are apart.
 #include "common/polygon_shade.glsl"
+#include "common/pull_depth.glsl"
 
 layout(location = 0) in vec3 position_in_view;
 layout(location = 1) in vec3 normal_in_view;
 layout(location = 2) in vec3 base;
 layout(location = 3) in vec2 uv;
 layout(location = 4) flat in vec2 bound_and_share;
+layout(location = 5) flat in vec2 reach;
 
 layout(location = 0) out vec4 sums;
 #ifdef NORMALS
@@ -31,6 +34,7 @@ void main() {
     } else {
         shown = shade_polygon(position_in_view, n, shown, bound_and_share.y, tint);
     }
+    gl_FragDepth = min(max(pulled_depth(position_in_view, reach), gl_FragCoord.z), 1.0);
     sums = vec4(shown * weight, weight);
 #ifdef NORMALS
     normals = weight * vec4(n, gl_FragCoord.z);

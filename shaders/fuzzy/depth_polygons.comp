@@ -19,7 +19,7 @@ void main() {
     }
     read_polygon(list.begin + item);
     DiscPlane disc = disc_plane();
-    vec2 push = push_of(disc.middle);
+    vec2 push = least_push_of(disc.middle);
     ivec4 pixels = faces_away(disc.middle) ? ivec4(0) : pixels_of_disc();
     int width = pixels.z - pixels.x;
     int count = max(width, 0) * max(pixels.w - pixels.y, 0);

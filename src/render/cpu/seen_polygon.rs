@@ -68,16 +68,18 @@ impl SeenPolygon<'_> {
     }
 }
 
-/// Splat from a vertex where it is blended or hides centers: pushed away from the eye by scaling around it, so that it stays
-/// flat and covers the same pixels.
+/// Splat from a vertex where it is blended or hides centers: pulled towards the eye or pushed away from it by
+/// scaling around it, so that it stays flat and covers the same pixels.
 pub(super) struct PushedSplat<'p> {
     pub(super) own: SeenPolygon<'p>,
-    /// Of distances; 1 without perspective.
-    factor: f64,
-    /// Added to distances.
-    shift: f64,
     /// Depth offset of its radius, view-space units.
     pub(super) offset: f32,
+    /// The same over the distance of its center from the eye; 0 without perspective.
+    slope: f64,
+    /// The offset without perspective, else 0.
+    lift: f64,
+    /// Twice what a face that it stands for may lie from its plane, depth offsets.
+    apart: f64,
 }
 
 impl<'p> PushedSplat<'p> {
@@ -98,22 +100,37 @@ impl<'p> PushedSplat<'p> {
             false => 1.0,
         };
         let offset = f64::from(depth_offset) * f64::from(polygon.round_radius) * scale / facing;
-        let by = offset * (2.0 * f64::from(polygon.spread) + LEAST_STEP);
-        let (factor, shift) = match (view.is_perspective, way > 0.0) {
-            (true, true) => (1.0 + by / way, 0.0),
-            (true, false) => (1.0, 0.0),
-            (false, _) => (1.0, by),
+        let (slope, lift) = match (view.is_perspective, way > 0.0) {
+            (true, true) => (offset / way, 0.0),
+            (true, false) => (0.0, 0.0),
+            (false, _) => (0.0, offset),
         };
         Self {
             own,
-            factor,
-            shift,
             offset: offset as f32,
+            slope,
+            lift,
+            apart: 2.0 * f64::from(polygon.spread),
         }
     }
 
-    /// Distance that a sample is pushed to.
+    /// Distance that a sample is pulled to by what faces may lie apart.
+    pub(super) fn pulled_distance(&self, sample: &PolygonSample) -> f64 {
+        (sample.distance - self.apart * self.lift) / (1.0 + self.apart * self.slope)
+    }
+
+    /// Distance that a sample is pushed to by what faces may lie apart.
     pub(super) fn pushed_distance(&self, sample: &PolygonSample) -> f64 {
-        sample.distance * self.factor + self.shift
+        self.pushed(sample.distance, self.apart + LEAST_STEP)
+    }
+
+    /// Distance that a sample is pushed to by what keeps planes of a flat surface apart.
+    pub(super) fn least_pushed_distance(&self, sample: &PolygonSample) -> f64 {
+        self.pushed(sample.distance, LEAST_STEP)
+    }
+
+    /// A distance, pushed away by a number of depth offsets.
+    fn pushed(&self, distance: f64, offsets: f64) -> f64 {
+        distance * (1.0 + offsets * self.slope) + offsets * self.lift
     }
 }

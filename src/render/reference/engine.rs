@@ -263,13 +263,10 @@ impl MirrorEngine {
             }
             Technique::Fuzzy => {
                 let passes = BlendPasses::of(settings.blend());
+                let are_there = settings.drawn_vertex_splats().is_some();
+                let polygons = are_there.then_some(&lists.polygons[..]);
                 let drawn = crate::render::reference::render_fuzzy_polygons(
-                    view,
-                    &fuzzy,
-                    &lists.polygons,
-                    style,
-                    passes,
-                    outputs,
+                    view, &fuzzy, polygons, style, passes, outputs,
                 );
                 (drawn.image, OverdrawList::Fuzzy(&fuzzy))
             }

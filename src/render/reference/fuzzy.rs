@@ -9,14 +9,14 @@ mod set_up;
 
 pub(super) use crate::render::reference::fuzzy::set_up::{set_up_blended, weighted};
 
-use crate::abi::OrientedPolygon;
+use crate::abi::{OrientedPolygon, Vertex};
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::{FuzzyList, PrimitiveStyle};
 use crate::render::PictureOutputs;
 use crate::render::reference::bands::{PixelRows, plane};
 use crate::render::reference::disc::DiscSample;
-use crate::render::reference::frame::ReferenceFrame;
+use crate::render::reference::frame::{PlacedVertex, ReferenceFrame};
 use crate::render::reference::fuzzy::set_up::{FuzzyFragment, place_pushed, set_up_pushed, share};
 use crate::render::reference::polygons::{FramedPolygon, PushedPolygon};
 use crate::render::reference::splat::RasterSplat;
@@ -76,31 +76,33 @@ pub fn render_fuzzy(
     passes: BlendPasses,
     outputs: PictureOutputs,
 ) -> FuzzyRendering {
-    render_fuzzy_polygons(view, list, &[], style, passes, outputs)
+    render_fuzzy_polygons(view, list, None, style, passes, outputs)
 }
 
 /// Draws a list as [`render_fuzzy`] does, and splats from vertices between its triangles and its splats.
 ///
-/// In the first pass such a splat is pushed away by m r (2 s + 0.01) / max(|n . v|, 0.1), where s is the sine of the greatest
-/// angle of its faces with its plane: two splats of one surface are no farther apart. In the second it has w = 1, with
+/// In the first pass such a splat is pushed away by 0.01 m r / max(|n . v|, 0.1), and no triangle is. In the second the place
+/// that is compared is pulled towards the eye by 2 s m r / max(|n . v|, 0.1), where s is the sine of the greatest angle of its
+/// faces with its plane: two splats of one surface are no farther apart. There it has w = 1, with
 /// [`PrimitiveStyle::is_gauss`] w = exp(-2 rho²) for the distance rho from its center over its radius.
 pub fn render_fuzzy_polygons(
     view: &View,
     list: &FuzzyList,
-    polygons: &[OrientedPolygon],
+    polygons: Option<&[OrientedPolygon]>,
     style: &PrimitiveStyle,
     passes: BlendPasses,
     outputs: PictureOutputs,
 ) -> FuzzyRendering {
     let frame = ReferenceFrame::new(view, style);
     let mut target = PixelRows::cleared(view, FuzzyPixel::default());
+    let (is_pushed, polygons) = (polygons.is_none(), polygons.unwrap_or_default());
 
     // Depth.
     if passes == BlendPasses::Two {
         target.draw(
             list.triangles,
             |corners| {
-                let place = |v: &_| place_pushed(&frame, v);
+                let place = placed_first(&frame, is_pushed);
                 triangle::set_up(&frame, (list.vertices, list.textures), *corners, place)
             },
             |pixel, _, sample| pixel.keep_nearest(sample.depth),
@@ -110,7 +112,7 @@ pub fn render_fuzzy_polygons(
         };
         let place = |polygon: &_| framed(&frame, polygon);
         target.draw(polygons, place, |pixel, _: &FramedPolygon<'_>, sample| {
-            pixel.keep_nearest(sample.depths[1].min(1.0));
+            pixel.keep_nearest(sample.least_pushed.min(1.0));
         });
         target.draw(list.splats, |s| set_up_pushed(&frame, s), keep);
         target.draw(list.points, |p| set_up_pushed(&frame, &weighted(p)), keep);
@@ -134,9 +136,9 @@ pub fn render_fuzzy_polygons(
         polygons,
         |polygon| framed(&frame, polygon),
         |pixel, polygon: &FramedPolygon<'_>, sample| {
-            let [own, pushed] = sample.depths.map(|depth| depth.clamp(0.0, 1.0));
+            let own = sample.own.clamp(0.0, 1.0);
             let depth = FragmentDepth {
-                pushed,
+                tested: sample.pulled.max(own).min(1.0),
                 ..FragmentDepth::flat(own)
             };
             let add = || share(&frame, &polygon.pushed.surface(sample));
@@ -162,6 +164,17 @@ pub fn render_fuzzy_polygons(
     }
 }
 
+/// Places of corners of triangles in the first pass.
+fn placed_first<'a>(
+    frame: &'a ReferenceFrame<'a>,
+    is_pushed: bool,
+) -> impl Fn(&Vertex) -> Option<PlacedVertex> + 'a {
+    move |vertex| match is_pushed {
+        true => place_pushed(frame, vertex),
+        false => frame.place(vertex.position),
+    }
+}
+
 /// A splat from a vertex with its frame; `None` where it covers no pixel or is left out.
 fn framed<'a>(
     frame: &'a ReferenceFrame<'a>,
@@ -182,6 +195,8 @@ struct FragmentShare {
 #[derive(Debug, Clone, Copy)]
 struct FragmentDepth {
     own: f32,
+    /// Depth that two passes compare with that of the first.
+    tested: f32,
     /// Depth of the fragment, farther by the depth offset.
     pushed: f32,
     /// Of the nearest and the farthest point of its patch.
@@ -194,6 +209,7 @@ impl FragmentDepth {
     fn flat(depth: f32) -> Self {
         Self {
             own: depth,
+            tested: depth,
             pushed: depth,
             nearest: depth,
             farthest: depth,
@@ -242,7 +258,7 @@ impl BlendPasses {
     fn admit(self, pixel: &mut FuzzyPixel, depth: &FragmentDepth) -> bool {
         let is_empty = pixel.front == 0.0;
         match self {
-            Self::Two => depth.own >= pixel.front,
+            Self::Two => depth.tested >= pixel.front,
             Self::DepthThreshold => {
                 let step = depth.own - depth.pushed;
                 if is_empty || depth.own > pixel.front + step {

@@ -101,24 +101,32 @@ fn set_up(frame: &ReferenceFrame<'_>, polygon: &OrientedPolygon) -> Option<Raste
 /// Radii by which planes of a flat surface are kept apart.
 const LEAST_STEP: f64 = 0.01;
 
-/// A splat from a vertex where it is blended or hides centers: pushed away from the eye by scaling around it, so that it
-/// stays flat and covers the same pixels.
+/// A splat from a vertex where it is blended or hides centers: pulled towards the eye or pushed away from it by scaling
+/// around it, so that it stays flat and covers the same pixels.
 pub(super) struct PushedPolygon {
     raster: RasterPolygon,
-    /// Of distances; 1 without perspective.
-    factor: f64,
-    /// Added to distances.
-    shift: f64,
+    /// Sine of the greatest angle of its faces with its plane.
+    spread: f64,
     /// Depth offset of its radius, view-space units.
     pub(super) offset: f64,
+    /// The same over the distance of its center from the eye; 0 without perspective.
+    slope: f64,
+    /// The offset without perspective, else 0.
+    lift: f64,
     is_gauss: bool,
 }
 
 /// What a pixel sees of one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PushedSample {
-    /// Reversed depth in its place, and pushed.
-    pub(super) depths: [f32; 2],
+    /// Reversed depth in its place.
+    pub(super) own: f32,
+    /// The same, pushed away by what keeps planes of a flat surface apart.
+    pub(super) least_pushed: f32,
+    /// The same, pushed away by that and by twice what a face that it stands for may lie from its plane.
+    pub(super) pushed: f32,
+    /// The same, pulled towards the eye by the latter.
+    pub(super) pulled: f32,
     /// Part of a blend.
     pub(super) weight: f32,
     seen: PolygonSample,
@@ -145,20 +153,25 @@ impl PushedPolygon {
         };
         let radius = f64::from(frame.style.depth_offset) * f64::from(polygon.round_radius) * scale;
         let offset = radius / facing;
-        let by = offset * (2.0 * f64::from(polygon.spread) + LEAST_STEP);
         let way = center.length();
-        let (factor, shift) = match (view.is_perspective, way > 0.0) {
-            (true, true) => (1.0 + by / way, 0.0),
-            (true, false) => (1.0, 0.0),
-            (false, _) => (1.0, by),
+        let (slope, lift) = match (view.is_perspective, way > 0.0) {
+            (true, true) => (offset / way, 0.0),
+            (true, false) => (0.0, 0.0),
+            (false, _) => (0.0, offset),
         };
         Some(Self {
             raster,
-            factor,
-            shift,
+            spread: polygon.spread.into(),
             offset,
+            slope,
+            lift,
             is_gauss: frame.style.is_gauss,
         })
+    }
+
+    /// A distance, pushed away by a number of depth offsets.
+    fn pushed(&self, distance: f64, offsets: f64) -> f64 {
+        distance * (1.0 + offsets * self.slope) + offsets * self.lift
     }
 
     /// What light makes of it at a pixel.
@@ -197,11 +210,12 @@ impl PixelCoverage for FramedPolygon<'_> {
             true => (-2.0 * (u * u + v * v) / (radius * radius)).exp(),
             false => 1.0,
         };
+        let apart = 2.0 * own.spread;
         Some(PushedSample {
-            depths: [
-                depth(seen.distance)?,
-                depth(seen.distance * own.factor + own.shift)?,
-            ],
+            own: depth(seen.distance)?,
+            least_pushed: depth(own.pushed(seen.distance, LEAST_STEP))?,
+            pushed: depth(own.pushed(seen.distance, apart + LEAST_STEP))?,
+            pulled: depth((seen.distance - apart * own.lift) / (1.0 + apart * own.slope))?,
             weight: kernel,
             seen,
         })

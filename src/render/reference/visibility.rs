@@ -191,7 +191,7 @@ fn draw_pass(
                 Some(FramedPolygon { pushed, frame })
             },
             |pixel, polygon: &FramedPolygon<'_>, sample| {
-                let depth = sample.depths[1].min(1.0);
+                let depth = sample.pushed.min(1.0);
                 pixel.put(pass, depth, || {
                     let (point, offset) = (polygon.pushed.surface(sample), polygon.pushed.offset);
                     TestedPixel::new(frame, pass, depth, &point, offset as f32)

@@ -46,21 +46,28 @@ struct BlendSums {
 }
 
 impl CpuRenderer {
-    /// Sets up what both passes draw, and has `draw` draw it.
+    /// Sets up what both passes draw, and has `draw` draw it; `is_pushed` where the first pushes triangles away.
     pub(super) fn with_two_passes(
         &mut self,
         frame: &CpuFrame<'_>,
         light: &opaque::FrameHeadlight,
         pixels: &mut PixelWords<'_>,
+        is_pushed: bool,
         draw: impl FnOnce(&TwoPassList<'_>, Vec<PolygonBand<'_>>),
     ) -> DrawnCounts {
         self.set_triangles(frame, false);
-        let ids = self.cuts.iter().map(|cut| &*cut.triangles);
-        let models = frame.drawn.iter().map(|part| part.model);
-        let drawn: Vec<(&Model, &[u32])> = models.zip(ids).collect();
-        let pushed = FrameLight::of_frame(frame.constants, frame.corner_screen());
-        let is_lit = (self.pushed).set_all(&drawn, Some(pushed.pushed(frame.constants)));
-        debug_assert!(is_lit, "there is a light");
+        if is_pushed {
+            let ids = self.cuts.iter().map(|cut| &*cut.triangles);
+            let models = frame.drawn.iter().map(|part| part.model);
+            let drawn: Vec<(&Model, &[u32])> = models.zip(ids).collect();
+            let light = FrameLight::of_frame(frame.constants, frame.corner_screen());
+            let is_lit = (self.pushed).set_all(&drawn, Some(light.pushed(frame.constants)));
+            debug_assert!(is_lit, "there is a light");
+        }
+        let first = match is_pushed {
+            true => &self.pushed,
+            false => &self.triangles,
+        };
         self.cuts
             .put_polygons(frame.drawn, false, &mut self.polygons);
         let is_culled = frame.settings.draws_fronts_only(frame.plan.facts.is_closed);
@@ -70,7 +77,7 @@ impl CpuRenderer {
             .map(|own| PushedSplat::new(own, frame.view, depth_offset))
             .collect();
         let list = TwoPassList {
-            triangles: [&self.pushed, &self.triangles],
+            triangles: [first, &self.triangles],
             meshes: frame.meshes,
             polygons: &polygons,
             shading: &FrameShading::new(frame.constants),
@@ -99,7 +106,7 @@ impl CpuRenderer {
     ) -> DrawnCounts {
         let depth_of = depth_of_distance(frame);
         let area = pixels_of(frame.context.rect_px);
-        self.with_two_passes(frame, light, pixels, |list, bands| {
+        self.with_two_passes(frame, light, pixels, false, |list, bands| {
             parallel::share(area, bands.into_iter(), |mut band| {
                 let mut sums = vec![BlendSums::default(); band.depths.len()];
                 list.leave_depths(&band, &mut sums, depth_of);
@@ -136,7 +143,7 @@ impl TwoPassList<'_> {
         (y - band.top) * width + x - left
     }
 
-    /// Pass for depth: the nearest of what is pushed.
+    /// Pass for depth: the nearest, splats pushed away a little.
     fn leave_depths(
         &self,
         band: &PolygonBand<'_>,
@@ -153,7 +160,7 @@ impl TwoPassList<'_> {
         for one in self.polygons {
             one.own.for_each_pixel(self.ends(), rows, |pixel, sample| {
                 let front = &mut sums[self.index(band, pixel)].front;
-                let depth = depth_of(one.pushed_distance(&sample) as f32);
+                let depth = depth_of(one.least_pushed_distance(&sample) as f32);
                 *front = front.max(depth.min(1.0));
             });
         }
@@ -192,7 +199,8 @@ impl TwoPassList<'_> {
             one.own.for_each_pixel(self.ends(), rows, |pixel, sample| {
                 let depth = depth_of(sample.distance as f32).clamp(0.0, 1.0);
                 let sums = &mut sums[self.index(band, pixel)];
-                if depth < sums.front {
+                let pulled = depth_of(one.pulled_distance(&sample) as f32);
+                if pulled.max(depth).min(1.0) < sums.front {
                     return;
                 }
                 let point = match is_deferred {

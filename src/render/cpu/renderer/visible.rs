@@ -88,7 +88,7 @@ impl CpuRenderer {
         };
         let size_px = frame.constants.splat_size_px.max(1.0);
         let push = CornerPush::of_frame(frame.constants);
-        self.with_two_passes(frame, light, pixels, |list, mut bands| {
+        self.with_two_passes(frame, light, pixels, true, |list, mut bands| {
             let [left, width, _] = list.columns;
             let mut tested = vec![TestedPoint::default(); area];
             let passes = ClassPasses {

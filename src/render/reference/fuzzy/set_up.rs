@@ -143,6 +143,7 @@ fn depth_of(frame: &ReferenceFrame, seen: &PlacedSplat, facing: f64) -> Fragment
     };
     FragmentDepth {
         own: seen.placed.depth(),
+        tested: seen.placed.depth(),
         pushed: depth_at(frame.pushed(center, offset as f32)),
         nearest: moved(-half),
         farthest: moved(half),

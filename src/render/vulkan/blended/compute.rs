@@ -106,7 +106,7 @@ pub(crate) const POLYGONS: BlendedKind = BlendedKind {
     blend: &shaders::FUZZY_BLEND_POLYGONS_COMP,
     normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
     record: size_of::<OrientedPolygon>() as u64,
-    pushes_triangles: true,
+    pushes_triangles: false,
     needs_frame: [true; 2],
     sharers: 32,
 };

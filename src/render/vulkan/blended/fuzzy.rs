@@ -347,7 +347,10 @@ impl FuzzyPasses {
             variant,
             depth_triangles: pipeline(&PipelineDescription {
                 name: "fuzzy.depth triangles",
-                vertex: &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
+                vertex: match variant.are_polygons {
+                    true => &shaders::TRIANGLES_DRAW_VERT,
+                    false => &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
+                },
                 ..base
             })?,
             depth_splats: pair("fuzzy.depth splats", depth_splats, false)?,
