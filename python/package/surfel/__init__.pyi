@@ -1,17 +1,17 @@
 from collections.abc import Sequence
 from os import PathLike
-from typing import Literal, TypedDict, Unpack
+from typing import Literal, TypedDict, Unpack, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
 
 __version__: str
 
-Vector = tuple[float, float, float]
+_Vector = tuple[float, float, float]
 # Three numbers: a tuple, a list or an array.
-Triple = Sequence[float] | NDArray[np.floating]
-Size = tuple[int, int]
-Backend = Literal["auto", "vulkan", "cpu", "reference"]
+_Triple = Sequence[float] | NDArray[np.floating]
+_Size = tuple[int, int]
+_Backend = Literal["auto", "vulkan", "cpu", "reference"]
 
 class Error(Exception):
     """Anything that surfel refuses or that fails. A file that is not there is FileNotFoundError."""
@@ -22,6 +22,7 @@ class InputError(Error):
 class DeviceError(Error):
     """The device or the system failed."""
 
+@type_check_only
 class Look(TypedDict, total=False):
     """Options of a picture, as `surfel render` has them.
 
@@ -51,6 +52,7 @@ class Look(TypedDict, total=False):
     one_sided: bool
     colors: bool
 
+@type_check_only
 class Statistics(TypedDict):
     """Counts of the cut and what was drawn; times in milliseconds."""
 
@@ -65,6 +67,7 @@ class Statistics(TypedDict):
     cut_ms: float
     pack_ms: float
 
+@type_check_only
 class Comparison(TypedDict, total=False):
     """Differences of two pictures. The keys from object_psnr on are there where both have coverage."""
 
@@ -82,35 +85,37 @@ class Comparison(TypedDict, total=False):
     silhouette_iou: float
     flip_map: NDArray[np.float32]
 
+@final
 class Camera:
     """A camera: the size of its picture and where it looks, in the coordinates of the file."""
 
     @staticmethod
     def look_at(
-        eye: Triple,
-        target: Triple,
+        eye: _Triple,
+        target: _Triple,
         *,
-        up: Triple | None = None,
+        up: _Triple | None = None,
         fov: float = 45.0,
         near: float | None = None,
         far: float | None = None,
-        size: Size = (500, 500),
+        size: _Size = ...,
     ) -> Camera: ...
     @staticmethod
     def read(path: str | PathLike[str]) -> Camera: ...
     @staticmethod
     def from_json(text: str) -> Camera: ...
     def to_json(self) -> str: ...
-    def resized(self, size: Size) -> Camera: ...
+    def resized(self, size: _Size) -> Camera: ...
     @property
-    def size(self) -> Size: ...
+    def size(self) -> _Size: ...
     @property
     def view(self) -> NDArray[np.float64]: ...
     @property
     def projection(self) -> NDArray[np.float64]: ...
     @property
-    def eye(self) -> Vector: ...
+    def eye(self) -> _Vector: ...
 
+@final
 class Picture:
     """A picture, row 0 on top."""
 
@@ -127,9 +132,10 @@ class Picture:
     @property
     def statistics(self) -> Statistics: ...
     @property
-    def size(self) -> Size: ...
+    def size(self) -> _Size: ...
     def save(self, path: str | PathLike[str]) -> None: ...
 
+@final
 class Model:
     """A model that was opened."""
 
@@ -146,9 +152,9 @@ class Model:
     @property
     def node_count(self) -> int: ...
     @property
-    def bounds(self) -> tuple[Vector, Vector]: ...
+    def bounds(self) -> tuple[_Vector, _Vector]: ...
     @property
-    def center(self) -> Vector: ...
+    def center(self) -> _Vector: ...
     @property
     def radius(self) -> float: ...
     @property
@@ -170,7 +176,7 @@ class Model:
         fill: float = 1.0,
         *,
         up: Literal["auto", "x", "y", "z"] = "auto",
-        size: Size = (500, 500),
+        size: _Size = ...,
     ) -> Camera: ...
     def render(
         self,
@@ -179,33 +185,34 @@ class Model:
         samples: int = 1,
         depth: bool = False,
         normals: bool = False,
-        backend: Backend = "auto",
+        backend: _Backend = "auto",
         device: str | int | None = None,
         validate: bool = False,
         **look: Unpack[Look],
     ) -> Picture: ...
 
+@final
 class Renderer:
     """Draws pictures of one model in one size; faster than Model.render for several."""
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         model: Model,
-        size: Size = (500, 500),
+        size: _Size = ...,
         *,
         depth: bool = False,
         normals: bool = False,
-        backend: Backend = "auto",
+        backend: _Backend = "auto",
         device: str | int | None = None,
         validate: bool = False,
-    ) -> None: ...
+    ) -> Renderer: ...
     def render(
         self, camera: Camera, *, samples: int = 1, **look: Unpack[Look]
     ) -> Picture: ...
     @property
     def device(self) -> str: ...
     @property
-    def size(self) -> Size: ...
+    def size(self) -> _Size: ...
 
 def open(
     path: str | PathLike[str],
