@@ -8,6 +8,8 @@
 
 #[path = "cut/coherence.rs"]
 mod coherence;
+#[path = "cut/section.rs"]
+mod section;
 #[path = "cut/size.rs"]
 mod size;
 #[path = "cut/strips.rs"]

@@ -5,11 +5,13 @@
 mod common;
 
 use common::{Device, generated, is_software, orbit};
+use glam::Vec3;
 use surfel::cut::SizeMetric;
 use surfel::generate::GeneratedShape;
 use surfel::gpu::DeviceOptions;
 use surfel::image::Image;
 use surfel::math::camera::{HeadlightSource, View};
+use surfel::math::section_box::SectionBox;
 use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{ColorBy, Lamp, Phong, SurfaceLighting};
 use surfel::render::PictureOutputs;
@@ -228,6 +230,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         photos: _,
         marks_uncovered: _,
         cut_view: _,
+        section: _,
     } = *base;
     let mut all = Vec::new();
     let mut add = |name, is_seen, change: &dyn Fn(&mut Settings)| {
@@ -288,6 +291,10 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         s.background_bottom = Some([0.2, 0.4, 0.6]);
     });
     add("metric", true, &|s| s.size = SizeMetric::Nearest);
+    add("section", true, &|s| {
+        let (low, high) = (Vec3::NEG_INFINITY, Vec3::new(f32::INFINITY, 0.1, 0.0));
+        s.section = Some(SectionBox { low, high });
+    });
     add("held cut", true, &|s| s.cut_view = Some(*held));
     add("depth offset", !is_square, &|s| s.depth_offset = Some(0.3));
     if !is_filtered {

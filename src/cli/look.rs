@@ -492,6 +492,7 @@ impl LookArgs {
             background_bottom,
             size: self.size_metric.into(),
             cut_view: None,
+            section: None,
         })
     }
 }

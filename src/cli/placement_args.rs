@@ -1,10 +1,14 @@
 //! The options that place and color one of several models.
 
 use super::background::parse_color;
+use super::source::parse_box;
 use super::{CommandFailure, usage};
 use clap::Args;
+use glam::DVec3;
 use std::path::{Path, PathBuf};
+use surfel::math::section_box::SectionBox;
 use surfel::mesh::placement::{MeshPlacement, parse_transform};
+use surfel::render::Settings;
 
 /// Where models stand and what color they have, in the order of the models.
 #[derive(Debug, Clone, Default, Args)]
@@ -15,6 +19,9 @@ pub(crate) struct PlacementArgs {
     /// Color a model, as --background names colors; the first --model-color is of the first model; none leaves one its own
     #[arg(long = "model-color", value_name = "COLOR|none", value_parser = parse_model_color)]
     colors: Vec<ModelColor>,
+    /// Draw only what touches this box, in the coordinates of the file: looks inside without reading or building anew
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", value_parser = parse_box, allow_hyphen_values = true)]
+    pub(crate) section: Option<[DVec3; 2]>,
 }
 
 /// The color of a model, or its own.
@@ -30,6 +37,11 @@ fn parse_model_color(text: &str) -> Result<ModelColor, String> {
 }
 
 impl PlacementArgs {
+    /// Makes settings draw the section of the first model, which has this origin.
+    pub(crate) fn cut(&self, settings: &mut Settings, origin: DVec3) {
+        settings.section = (self.section).map(|ends| SectionBox::of_file(ends, origin));
+    }
+
     /// Reads the files: what is asked of each of so many models.
     ///
     /// # Errors

@@ -205,6 +205,7 @@ fn play(
         size: (320, 240),
         settings: Settings::default(),
         backend,
+        section: None,
         frame_goal,
         smoothing: RestSmoothing::WhileQuick,
         splat_by_model: true,

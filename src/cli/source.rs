@@ -47,7 +47,7 @@ fn parse_condition(text: &str) -> Result<FieldCondition, String> {
 }
 
 /// Two opposite corners.
-fn parse_box(text: &str) -> Result<[DVec3; 2], String> {
+pub(crate) fn parse_box(text: &str) -> Result<[DVec3; 2], String> {
     let numbers: Option<Vec<f64>> = text
         .split(',')
         .map(|part| {

@@ -263,6 +263,7 @@ pub(crate) fn run(mut args: ViewArgs, _quiet: bool) -> Outcome {
         orbit: (azimuth.to_radians(), elevation.to_radians(), fill),
         camera,
         settings,
+        section: args.placement.section,
         frame_goal: match args.frame_ms {
             Some(goal) => goal,
             None if is_attended => FrameGoal::of_stored(window.frame_ms),

@@ -59,6 +59,8 @@ pub struct NodeTester {
     pub(super) backward: Vec3,
     pub(super) is_perspective: bool,
     sides: [PlaneDistances; 4],
+    /// Ends of the box outside of which all is dropped.
+    section: Option<[[f32; 3]; 2]>,
     forward: PlaneDistances,
     pub(super) near: f32,
     pub(super) far: f32,
@@ -153,6 +155,10 @@ impl NodeTester {
             backward: (-frustum.near.normal).as_vec3(),
             is_perspective: view.is_perspective,
             sides: [0, 1, 2, 3].map(|i| distances(&frustum.sides[i], 0.0)),
+            section: (settings.section).map(|own| {
+                own.in_file((-reference).into())
+                    .map(|end| (end * unit).as_vec3().to_array())
+            }),
             forward: distances(&frustum.near, near),
             near: (near * unit) as f32,
             far: (f64::from(view.far) / scale * unit) as f32,
@@ -172,8 +178,10 @@ impl NodeTester {
             lowest_nodes,
             low_leaves,
             keeps_rears: !settings.cull_back || is_rough(&model.tree),
-            start: cull(settings.cull_frustum, inherit::INSIDE)
-                | cull(settings.cull_back, inherit::FRONT),
+            start: cull(
+                settings.cull_frustum || settings.section.is_some(),
+                inherit::INSIDE,
+            ) | cull(settings.cull_back, inherit::FRONT),
         }
     }
 
@@ -221,7 +229,7 @@ impl NodeTester {
         self.balls(siblings::columns([center.extend(radius); 4]))
     }
 
-    /// Which balls lie outside of the view volume, and which wholly inside.
+    /// Which balls lie outside of the view volume or the section, and which wholly inside of both.
     ///
     /// Both err to "no" by the rounding, so a ball is never inside whose sub-ball is found outside.
     #[inline(always)]
@@ -235,13 +243,19 @@ impl NodeTester {
         )
     }
 
-    /// The least distance of the centers from the six planes.
+    /// The least distance of the centers from the six planes of the view, and from those of the section.
     #[inline(always)]
     pub(super) fn nearest_plane<V: FloatLanes>(&self, balls: &SphereLanes<V>) -> V {
         let depth = balls.depth;
         let mut nearest = (depth - self.near).min(depth.all(self.far) - depth);
         for side in &self.sides {
             nearest = nearest.min(side.of(balls.center));
+        }
+        if let Some([low, high]) = &self.section {
+            for (axis, center) in balls.center.into_iter().enumerate() {
+                let above = center - low[axis];
+                nearest = nearest.min(above).min(center.all(high[axis]) - center);
+            }
         }
         nearest
     }

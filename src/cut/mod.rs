@@ -28,6 +28,7 @@ pub use strip::{
     strip_steps,
 };
 
+use crate::math::section_box::SectionBox;
 use fearless_simd::{Level, Simd, dispatch};
 
 /// What the cut may drop and how small a node must be to be drawn whole.
@@ -42,6 +43,8 @@ pub struct CutSettings {
     pub cull_frustum: bool,
     /// What "projected diameter" means.
     pub size: SizeMetric,
+    /// Drop what lies outside of this box; `None` drops nothing.
+    pub section: Option<SectionBox>,
 }
 
 impl Default for CutSettings {
@@ -51,6 +54,7 @@ impl Default for CutSettings {
             cull_back: false,
             cull_frustum: true,
             size: SizeMetric::Exact,
+            section: None,
         }
     }
 }

@@ -188,7 +188,7 @@ impl PatchSelector {
             self.groups.push(OpenGroup {
                 first: 0,
                 count: 1,
-                is_inside: !settings.cut.cull_frustum,
+                is_inside: !settings.cut.cull_frustum && settings.cut.section.is_none(),
                 faces: !settings.cut.cull_back,
             });
         }

@@ -31,6 +31,7 @@ pub fn cut_settings(settings: &Settings, facts: impl Into<DrawnFacts>) -> cut::C
         cull_back: settings.culls_back(facts.is_closed) && facts.kind.is_surface(),
         cull_frustum: true,
         size: settings.size,
+        section: settings.section,
     }
 }
 

@@ -25,7 +25,7 @@ use crate::render::supported::{
 use crate::render::technique::Technique;
 use crate::render::{
     AmbientOcclusion, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PictureOutputs,
-    Settings,
+    Settings, SplatKind,
 };
 use crate::tree::Model;
 
@@ -65,7 +65,10 @@ pub(crate) fn resolved(
     surrounds: impl FnOnce(&View) -> bool,
 ) -> Settings {
     let of_cut = settings.view_of_cut(view);
-    let is_inside = settings.culling == Culling::Auto && surrounds(of_cut);
+    let is_cut_open = settings.section.is_some();
+    let is_inside = settings.culling == Culling::Auto && (is_cut_open || surrounds(of_cut));
+    // All triangles are what a cut without splats has.
+    let are_cut = is_cut_open && settings.method == Method::Triangles;
     let as_a_pixel = settings.method == Method::Pop
         && knows_footprints(settings)
         && facts.kind.is_surface()
@@ -83,6 +86,16 @@ pub(crate) fn resolved(
         AmbientOcclusion::On => true,
         AmbientOcclusion::Off => false,
     };
+    let settings = &match are_cut {
+        true => Settings {
+            method: Method::Pop,
+            splat: SplatKind::Square,
+            blend: None,
+            patches: None,
+            ..*settings
+        },
+        false => *settings,
+    };
     Settings {
         ambient_occlusion: match is_darkened_in_depth {
             true => AmbientOcclusion::On,
@@ -97,10 +110,10 @@ pub(crate) fn resolved(
         } else {
             settings.culling
         },
-        threshold_px: if as_a_pixel {
-            1.0
-        } else {
-            settings.threshold_px
+        threshold_px: match (are_cut, as_a_pixel) {
+            (true, _) => 0.0,
+            (false, true) => 1.0,
+            (false, false) => settings.threshold_px,
         },
         ..*settings
     }

@@ -2,6 +2,7 @@
 
 use crate::cut::SizeMetric;
 use crate::math::camera::View;
+use crate::math::section_box::SectionBox;
 use crate::oriented::splats::SplatRules;
 use crate::pack::{ColorBy, Footprint, SurfaceLighting};
 use crate::patches::PatchRules;
@@ -300,6 +301,9 @@ pub struct Settings {
     /// Splats have the size in the model that they have in that view, and what it does not see is not there. Methods without
     /// a cut draw as ever.
     pub cut_view: Option<View>,
+    /// Draw only what touches this box; leaves that do are drawn whole. Rears are seen through what is cut open, so
+    /// [`Culling::Auto`] keeps them. Of methods with a cut, and of [`Method::Triangles`].
+    pub section: Option<SectionBox>,
 }
 
 impl Default for Settings {
@@ -337,6 +341,7 @@ impl Default for Settings {
             background_bottom: None,
             size: SizeMetric::Exact,
             cut_view: None,
+            section: None,
         }
     }
 }

@@ -70,6 +70,13 @@ pub fn check(settings: &Settings, outputs: PictureOutputs, max_size_px: f32) -> 
             why: "photographs and overdraw have one behind them; give one --background".into(),
         });
     }
+    if settings.section.is_some() && !settings.has_cut() && settings.method != Method::Triangles {
+        return Err(Error::Unsupported {
+            what: "a section",
+            why: "vertices and splats from them are drawn without the tree, which it cuts; use --method pop, splats or triangles"
+                .into(),
+        });
+    }
     let is_device = max_size_px.is_finite();
     if settings.drawn_vertex_splats().is_some() {
         return check_vertex_splats(settings);
@@ -286,6 +293,8 @@ pub(crate) fn device_cut_refusal(
         Some("it knows no splats below a pixel; use a threshold of at least 1")
     } else if settings.holds_cut() {
         Some("the cut is held")
+    } else if settings.section.is_some() {
+        Some("a section is cut by the processor")
     } else if settings.color_by == ColorBy::Overdraw {
         Some("overdraw is counted of the processor's lists; use another --color-by")
     } else if settings.color_by == ColorBy::Level {

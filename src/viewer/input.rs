@@ -85,6 +85,10 @@ pub const KEYS: &[KeyGroup] = &[
                 "Y",
                 "hold the cut, to look at it from elsewhere; Y lets it go",
             ),
+            (
+                "Shift Y",
+                "section: cut away the nearer half, or nothing again",
+            ),
             ("E", "next size metric"),
         ],
     ),
@@ -238,6 +242,8 @@ pub enum KeyCommand {
     Measure(MeasureChange),
     /// Hold the cut of this view, or let it go.
     HoldCut,
+    /// Cut away the nearer half of the model, or nothing again.
+    Section,
     /// Switch the statistics in the title.
     Statistics,
     /// Print statistics and camera.
@@ -409,6 +415,7 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<KeyCommand> 
             'b' if modifiers.shift => KeyCommand::EyeDome,
             'b' => KeyCommand::Culling,
             'c' => KeyCommand::ColorBy(if modifiers.shift { -1 } else { 1 }),
+            'y' if modifiers.shift => KeyCommand::Section,
             'y' => KeyCommand::HoldCut,
             'f' => KeyCommand::Frame,
             'r' => KeyCommand::Reset,

@@ -148,6 +148,8 @@ pub struct ViewerOptions {
     pub camera: Option<Camera>,
     /// How the model is drawn at first.
     pub settings: Settings,
+    /// Section of the first model: opposite corners in the coordinates of its file.
+    pub section: Option<[glam::DVec3; 2]>,
     /// Wanted time of a frame while the camera moves.
     pub frame_goal: FrameGoal,
     /// Wait for the screen, so that nothing tears.

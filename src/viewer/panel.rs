@@ -17,6 +17,7 @@ use egui::{
     Area, Color32, ComboBox, DragValue, Frame, Grid, RichText, ScrollArea, Slider, Ui, pos2,
 };
 
+use glam::DVec3;
 use std::path::PathBuf;
 
 /// Width of the panel, points.
@@ -37,6 +38,10 @@ pub struct PanelFacts {
     pub bytes: u64,
     /// Whether the surface is closed.
     pub is_closed: bool,
+    /// Origin of model space in the coordinates of the file.
+    pub origin: DVec3,
+    /// Least and greatest coordinates in those of the file.
+    pub bounds: [DVec3; 2],
 }
 
 /// Everything the panel shows.
@@ -433,6 +438,7 @@ fn drawing(
     });
     patches::show(ui, settings);
     vertices::show(ui, settings);
+    section::show(ui, settings, state.facts, wishes);
     let mut holds_cut = settings.cut_view.is_some();
     ui.add_enabled_ui(settings.has_cut(), |ui| {
         let tip = "Keep drawing what this view asks for, to look at it from elsewhere (Y)";
@@ -565,6 +571,7 @@ mod look;
 pub mod measures;
 mod patches;
 mod photographs;
+mod section;
 mod vertices;
 
 pub use measures::MeasureState;

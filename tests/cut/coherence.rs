@@ -1,5 +1,6 @@
 //! K of the design: the cut of a camera that moves is the cut from the root, whatever came before (F17).
 
+use crate::section::random_section;
 use crate::testing::{
     Random, Strips, chaos, cloud, cube, look, look_flat, model, sheet, sphere, torus,
 };
@@ -139,7 +140,13 @@ fn walk(name: &str, model: &Model, frames: u32, seed: u64) -> Pair {
             10 => hides = !hides,
             11 => near = 10f64.powf(random.range(-3.0, 0.0)),
             12 => pair.coherent.forget(),
-            13 | 14 => {}
+            13 => {
+                settings.section = match settings.section {
+                    None => Some(random_section(&mut random)),
+                    Some(_) => None,
+                }
+            }
+            14 => {}
             // Forward, around the target, turning, and all at once.
             15..30 => eye += (target - eye) * (pace * random.range(-1.0, 1.0)),
             30..40 => eye = target + DQuat::from_rotation_y(pace) * (eye - target),

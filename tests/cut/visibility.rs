@@ -93,6 +93,7 @@ fn culling_never_drops_what_is_visible_and_nothing_is_drawn_twice() {
                     cull_back: i % 3 != 0,
                     cull_frustum: i % 5 != 0,
                     size: SizeMetric::Exact,
+                    section: None,
                 };
                 let frustum = Frustum::new(&view, 0.0);
                 let mut cut = Cut::default();

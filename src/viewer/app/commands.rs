@@ -166,6 +166,7 @@ impl ViewerApp {
             KeyCommand::PhotographBy(step) => self.step_photograph(step),
             KeyCommand::Measure(change) => self.change_measures(change),
             KeyCommand::HoldCut => self.hold_cut(),
+            KeyCommand::Section => self.switch_section(),
             KeyCommand::Statistics => self.has_statistics = !self.has_statistics,
             KeyCommand::Print => self.print_statistics()?,
             // The picture of now: one that is to be drawn first is waited for.
@@ -310,6 +311,9 @@ impl ViewerApp {
             if let Some(control) = &mut self.control {
                 control.forget();
             }
+        }
+        if let Some(model) = self.screen.model() {
+            self.section = (settings.section).map(|own| own.in_file(model.origin));
         }
         self.settings = settings;
         self.is_dirty = true;

@@ -8,6 +8,7 @@ mod light;
 mod measuring;
 mod photographs;
 mod poses;
+mod section;
 mod show;
 
 use super::camera::OrbitCamera;
@@ -28,13 +29,14 @@ use super::{RunFigures, ViewerError, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
 use crate::image::MarkChoice;
 use crate::math::camera::{Camera, HeadlightSource};
+use crate::math::section_box::SectionBox;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::attributes::PointAttributes;
 use crate::pack::{Phong, SurfaceLighting};
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::{Model, OrbitSphere};
 use commands::TurntableRun;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use photographs::ModelPhotographs;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -109,6 +111,8 @@ pub(super) struct ViewerApp {
     notices: NoticeList,
     history: TimeHistory,
     facts: Option<PanelFacts>,
+    /// Ends of the section in the coordinates of the file.
+    section: Option<[DVec3; 2]>,
     /// Names of the models, the first one first.
     part_names: Vec<String>,
     /// What could not be opened of those that were to be shown together.
@@ -203,6 +207,7 @@ impl ViewerApp {
             },
             splat_of_model: options.settings.splat,
             settings: options.settings,
+            section: options.section,
             good: None,
             control,
             paced: Vec::new(),
@@ -456,6 +461,9 @@ impl ViewerApp {
         self.history.clear();
         // A view of another model.
         self.settings.cut_view = None;
+        if is_another {
+            self.section = None;
+        }
         if let Some(control) = &mut self.control {
             control.forget();
         }
@@ -473,7 +481,11 @@ impl ViewerApp {
             nodes: sum(&|model| (model.tree.nodes.len() + model.tree.leaves.len()) as u64),
             bytes: sum(&|model| model.memory_bytes().total()),
             is_closed: models.iter().all(|model| model.is_closed),
+            origin: models[0].origin,
+            bounds: section::bounds_of(&models),
         });
+        let origin = models[0].origin;
+        self.settings.section = (self.section).map(|ends| SectionBox::of_file(ends, origin));
         self.is_dirty = true;
         let Some(OrbitSphere { center, radius }) = self.screen.orbit_sphere() else {
             return Ok(());

@@ -224,9 +224,10 @@ fn listed_keys() -> Vec<&'static str> {
 }
 
 /// Beginnings of the tooltips of controls that no key has.
-const WITHOUT_KEYS: [&str; 4] = [
+const WITHOUT_KEYS: [&str; 5] = [
     "Draw a node as one polygon",
     "Error of",
+    "End of the section",
     "Hold the shade",
     "Of vertices: ",
 ];
