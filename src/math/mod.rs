@@ -5,5 +5,6 @@ pub mod cone;
 pub mod frustum;
 pub mod measured_line;
 pub mod octahedral;
+pub(crate) mod powers;
 pub mod sphere;
 pub mod up_axis;
