@@ -25,7 +25,7 @@ pub struct Splat {
     /// Center in model space.
     pub center: Vec3,
     /// Radius in model units; 0 asks for the constant size of the frame, and so does a negative one: its lower bits are
-    /// what `normal` leaves out, 2 x 15 bit signed, in steps of 2^-14 of its own.
+    /// what `normal` leaves out, 2 x 11 bit signed in steps of 2^-10 of its own, and `color`, 3 x 3 bit in steps of 2^-3.
     pub radius: f32,
     /// Unit normal, octahedral 2 x 16 bit.
     pub normal: [i16; 2],

@@ -16,6 +16,7 @@
 //!
 //! ```no_run
 //! use surfel::progress::SilentProgress;
+//! use surfel::render::Settings;
 //! use surfel::render::engine::{Backend, Engine};
 //!
 //! fn main() -> Result<(), surfel::Error> {
@@ -23,7 +24,8 @@
 //!     let camera = model.orbit_camera((800, 600), 0.5, 0.35, 1.0);
 //!     let backend = Backend::open(&Default::default())?;
 //!     let mut engine = Engine::new(&backend, &model, (800, 600), Default::default())?;
-//!     let image = engine.render(&camera.view(model.origin)?, &Default::default())?;
+//!     let view = camera.view(model.origin)?;
+//!     let image = engine.smooth(&view, &Settings::for_people(&model))?.to_image();
 //!     Ok(image.save_png("horse.png".as_ref())?)
 //! }
 //! ```

@@ -37,7 +37,7 @@ const LAYERS: &[Layer] = &[
     // Words out of files, fit to be shown.
     layer("printable", &[]),
     // Images on surfaces: what a mesh carries and every picture shows.
-    layer("textures", &[]),
+    layer("textures", &["math"]),
     layer("mesh", &["math", "textures"]),
     layer(
         "input",

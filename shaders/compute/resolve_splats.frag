@@ -18,12 +18,22 @@ layout(location = 0) out vec4 color;
 layout(location = 1) out vec4 normal;
 #endif
 
-// Where a splat has no radius, its lower bits may be what the normal's code leaves out.
+// Where a splat has no radius, its lower bits may be what the codes of its normal and of its color leave out.
+int fine_of(SplatRecord splat) {
+    return min(floatBitsToInt(splat.radius), 0);
+}
+
 vec2 code_of(SplatRecord splat) {
     ivec2 code = ivec2(splat.normal << 16, splat.normal) >> 16;
-    int fine = min(floatBitsToInt(splat.radius), 0);
-    vec2 left = vec2(bitfieldExtract(fine, 0, 15), bitfieldExtract(fine, 15, 15)) / 16384.0;
+    int fine = fine_of(splat);
+    vec2 left = vec2(bitfieldExtract(fine, 0, 11), bitfieldExtract(fine, 11, 11)) / 1024.0;
     return max((vec2(code) + left) / 32767.0, -1.0);
+}
+
+vec4 color_of(SplatRecord splat) {
+    int fine = fine_of(splat);
+    ivec3 left = ivec3(bitfieldExtract(fine, 22, 3), bitfieldExtract(fine, 25, 3), bitfieldExtract(fine, 28, 3));
+    return unpackUnorm4x8(splat.color) + vec4(vec3(left) / (8.0 * 255.0), 0.0);
 }
 
 void main() {
@@ -34,7 +44,7 @@ void main() {
         discard;
     }
     SplatRecord splat = splats[list.begin + item];
-    vec4 rgba = unpackUnorm4x8(splat.color);
+    vec4 rgba = color_of(splat);
     vec3 center = vec3(splat.center[0], splat.center[1], splat.center[2]);
     vec3 normal_in_model = rgba.a == 0.0 ? vec3(0.0) : octahedral_decode(code_of(splat));
     if (HAS_LAMP) {

@@ -359,6 +359,12 @@ fn load_from<'a>(
     let mut mesh = assemble::finish(&mut job, raw)?;
     if let Some(setting) = &options.color {
         color_by::apply(&mut job, &mut mesh, setting)?;
+        // Images would cover the colors.
+        mesh.textures = None;
+    }
+    if !mesh.triangles.is_empty() {
+        // Those of a surface color it, nothing else asks for them.
+        job.attributes.columns = Vec::new();
     }
     if options.weld && !job.attributes.is_empty() {
         // Merged points would need merged values.

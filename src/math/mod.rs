@@ -6,5 +6,6 @@ pub mod frustum;
 pub mod measured_line;
 pub mod octahedral;
 pub mod section_box;
+pub(crate) mod powers;
 pub mod sphere;
 pub mod up_axis;

@@ -18,9 +18,9 @@ mod shading;
 use crate::abi::{FrameConstants, Splat};
 use crate::pack::parallel;
 use crate::pack::parallel::RecordSink;
-use crate::pack::small_triangles::coverage::{CoveredCenters, LANES};
+use crate::pack::small_triangles::coverage::CoveredCenters;
 use crate::pack::small_triangles::shading::ShadingQueue;
-use crate::textures::{self, TextureSlope, WeightSteps};
+use crate::textures::{self, TextureSlope};
 use crate::tree::Model;
 use fearless_simd::{Level, Simd, SimdBase, dispatch};
 use glam::{Vec3, Vec4};
@@ -256,6 +256,11 @@ fn part<S: Simd>(
                     prefetch_index(&model.vertices, a as usize);
                     prefetch_index(&model.vertices, b as usize);
                     prefetch_index(&model.vertices, c as usize);
+                    if let Some(textures) = &model.textures {
+                        prefetch_index(&textures.points, a as usize);
+                        prefetch_index(&textures.points, b as usize);
+                        prefetch_index(&textures.points, c as usize);
+                    }
                 }
             }
             if let Some(next) = ids.get(ahead + BLOCK..ahead + BLOCK + width) {
@@ -276,10 +281,15 @@ fn part<S: Simd>(
                     rest.push(id);
                     continue;
                 }
-                let corners = model.triangles[id as usize];
+                let [a, b, c] = model.triangles[id as usize];
                 let textures = model.textures.as_deref();
-                let texture = textures.and_then(|textures| textures.of_triangle(corners));
-                let corners = corners.map(|i| &model.vertices[i as usize]);
+                let texture = textures.and_then(|textures| textures.of_triangle([a, b, c]));
+                let vertices = &model.vertices;
+                let corners = [
+                    &vertices[a as usize],
+                    &vertices[b as usize],
+                    &vertices[c as usize],
+                ];
                 for pixel in set_bits(pixels.into()) {
                     let columns = covered.columns[lane];
                     let row = (pixel as f32 / columns) as u32 as f32;
@@ -291,30 +301,21 @@ fn part<S: Simd>(
                         value * covered.inverse_w[i][lane]
                     };
                     let mut weights = [weight(0), weight(1), weight(2)];
-                    // Of the weights as they change from pixel to pixel.
-                    let level = texture.map(|(image, places)| {
-                        let steps = |rows: &[[f32; LANES]; 3]| {
-                            Vec3::from_array(
-                                [0, 1, 2]
-                                    .map(|i: usize| rows[i][lane] * covered.inverse_w[i][lane]),
-                            )
-                        };
-                        let steps = WeightSteps {
-                            right: steps(&covered.to_right),
-                            down: steps(&covered.down),
-                        };
-                        image.level_of(TextureSlope::at(&places, weights.into(), steps))
-                    });
+                    // Of the weights before they may be those of another place.
+                    let mut level = 0.0;
+                    if let Some((image, places)) = &texture {
+                        let steps = covered.weight_steps(lane);
+                        level = image.level_of(TextureSlope::at(places, weights.into(), steps));
+                    }
                     if weights[0].min(weights[1]).min(weights[2]) < 0.0 {
                         let positions = corners.map(|corner| corner.position);
                         weights = coverage::in_steps(screen, positions, [column, row]);
                     }
-                    let color = texture.zip(level).map(|((image, places), level)| {
-                        let place = textures::place_at(&places, weights.into());
-                        let color = image.sample(place, level).to_array();
-                        color.map(|value| (value * 255.0).round() as u8)
-                    });
-                    queue.push(corners, weights, color);
+                    if let Some((image, places)) = &texture {
+                        let place = textures::place_at(places, weights.into());
+                        queue.push_texels(image.taps(place, level));
+                    }
+                    queue.push(corners, weights);
                 }
             }
         }

@@ -104,24 +104,59 @@ impl TextureLevel {
         sum.map(|value| value.round_ties_even() as u8)
     }
 
-    /// Red, green and blue (1 is white) at a coordinate within 0..=1: the mean of the four texels around it by their
-    /// distances. Beyond the border is what `wrap` says.
-    #[inline]
-    pub fn bilinear(&self, at: Vec2, wrap: [WrapMode; 2]) -> Vec3 {
+    /// The four texels around a coordinate within 0..=1, and where it is between them. Beyond the border is what `wrap` says.
+    #[inline(always)]
+    pub(super) fn taps(&self, at: Vec2, wrap: [WrapMode; 2]) -> LevelTaps {
         let (columns, right) = neighbors(at.x, self.width, wrap[0]);
         let (rows, down) = neighbors(at.y, self.height, wrap[1]);
-        // All four channels: a vector of four takes what one number takes.
-        let texel = |row: usize, column: usize| {
-            Vec4::from(self.texels[row * self.width as usize + column].map(f32::from))
-        };
-        let upper = texel(rows[0], columns[0]).lerp(texel(rows[0], columns[1]), right);
-        let lower = texel(rows[1], columns[0]).lerp(texel(rows[1], columns[1]), right);
-        (upper.lerp(lower, down) * (1.0 / 255.0)).truncate()
+        let width = self.width as usize;
+        let [upper, lower] = [
+            &self.texels[rows[0] * width..],
+            &self.texels[rows[1] * width..],
+        ];
+        LevelTaps {
+            texels: [
+                upper[columns[0]],
+                upper[columns[1]],
+                lower[columns[0]],
+                lower[columns[1]],
+            ],
+            right,
+            down,
+        }
     }
 }
 
+/// Four texels of a level around a place.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LevelTaps {
+    /// Upper left, upper right, lower left, lower right.
+    pub(crate) texels: [[u8; 4]; 4],
+    /// Part of the way from the left to the right ones, 0 to 1.
+    pub(crate) right: f32,
+    /// Part of the way from the upper to the lower ones, 0 to 1.
+    pub(crate) down: f32,
+}
+
+impl LevelTaps {
+    /// Red, green and blue of all four by their distances, 1 is white.
+    #[inline(always)]
+    pub(crate) fn color(&self) -> Vec3 {
+        let [a, b, c, d] = self.texels;
+        let upper = values(a).lerp(values(b), self.right);
+        let lower = values(c).lerp(values(d), self.right);
+        (upper.lerp(lower, self.down) * (1.0 / 255.0)).truncate()
+    }
+}
+
+/// A texel as numbers: all four channels, since a vector of four takes what one number takes.
+#[inline(always)]
+fn values([red, green, blue, last]: [u8; 4]) -> Vec4 {
+    Vec4::new(red.into(), green.into(), blue.into(), last.into())
+}
+
 /// The two texels whose centers are around a coordinate within 0..=1, and how far it is from the first to the second.
-#[inline]
+#[inline(always)]
 fn neighbors(coordinate: f32, count: u32, wrap: WrapMode) -> ([usize; 2], f32) {
     let place = coordinate * count as f32 - 0.5;
     // The first is -1 at least. A whole number cut off is quicker than `floor`, a call where the processor has no such word.

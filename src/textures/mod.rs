@@ -9,9 +9,11 @@ mod mesh;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use level::LevelTaps;
 pub use level::TextureLevel;
 pub use mesh::{MeshTextures, NO_IMAGE, TexturePoint};
 
+use crate::math::powers::log2;
 use glam::{Vec2, Vec3};
 
 /// What lies beyond the border of an image.
@@ -178,27 +180,38 @@ impl TextureImage {
     /// both steps in texels. Below 0 where texels are larger than pixels.
     #[inline]
     pub fn level_of(&self, slope: TextureSlope) -> f32 {
-        let [width, height] = self.size().map(|side| side as f32);
-        let size = Vec2::new(width, height);
+        let [width, height] = self.size();
+        let size = Vec2::new(width as f32, height as f32);
         let right = (slope.right * size).length_squared();
         let down = (slope.down * size).length_squared();
-        0.5 * right.max(down).log2()
+        0.5 * log2(right.max(down))
     }
 
-    /// Red, green and blue (1 is white) at a coordinate: of four texels, of both nearest levels.
-    #[inline]
-    pub fn sample(&self, at: Vec2, level: f32) -> Vec3 {
+    /// The texels around a coordinate: four of the level below the wanted one, and four of the next unless the part of the way
+    /// between the levels, the last number, is 0.
+    #[inline(always)]
+    pub(crate) fn taps(&self, at: Vec2, level: f32) -> ([LevelTaps; 2], f32) {
         let last = (self.levels.len() - 1) as f32;
         // Not a number counts as the first.
         let level = if level > 0.0 { level.min(last) } else { 0.0 };
         let lower = level as usize;
         let part = level - lower as f32;
         let at = Vec2::new(self.wrap[0].within(at.x), self.wrap[1].within(at.y));
-        let color = self.levels[lower].bilinear(at, self.wrap);
-        if part == 0.0 {
-            return color;
+        let taps = self.levels[lower].taps(at, self.wrap);
+        match self.levels.get(lower + 1) {
+            Some(next) if part > 0.0 => ([taps, next.taps(at, self.wrap)], part),
+            _ => ([taps; 2], 0.0),
         }
-        color.lerp(self.levels[lower + 1].bilinear(at, self.wrap), part)
+    }
+
+    /// Red, green and blue (1 is white) at a coordinate: of four texels, of both nearest levels.
+    #[inline]
+    pub fn sample(&self, at: Vec2, level: f32) -> Vec3 {
+        let ([taps, next], part) = self.taps(at, level);
+        match part > 0.0 {
+            true => taps.color().lerp(next.color(), part),
+            false => taps.color(),
+        }
     }
 
     /// Red, green and blue at the center of a pixel: of a triangle whose corners have these coordinates and weights.

@@ -146,7 +146,7 @@ fn levels_follow_the_longer_step() {
         2.0
     );
     assert_eq!(slope(Vec2::new(0.5 / 256.0, 0.0), Vec2::ZERO), -1.0);
-    assert_eq!(slope(Vec2::ZERO, Vec2::ZERO), f32::NEG_INFINITY);
+    assert!(slope(Vec2::ZERO, Vec2::ZERO) < -60.0);
 }
 
 proptest! {

@@ -33,10 +33,10 @@ impl ModelTextures {
     /// The image of a triangle with these corners, and where these are in it; `None` where it has none.
     #[inline]
     pub fn of_triangle(&self, corners: [u32; 3]) -> Option<(&TextureImage, [glam::Vec2; 3])> {
-        let points = corners.map(|corner| self.points.get(corner as usize));
-        let [Some(a), Some(b), Some(c)] = points else {
-            return None;
-        };
+        // No closures: what calls this is compiled for wide vectors, closures are not, and calls of them take longer than they do.
+        let [a, b, c] = corners;
+        let a = self.points.get(a as usize)?;
+        let (b, c) = (self.points.get(b as usize)?, self.points.get(c as usize)?);
         let image = self.images.get(a.image as usize)?;
         Some((image, [a.at, b.at, c.at]))
     }

@@ -318,6 +318,7 @@ impl ViewerWindow {
             } else {
                 // Nothing to do (or the window gives no image for now): the last frames end, then it sleeps.
                 app.finish(Some(&self.window))?;
+                app.save_awaited(false)?;
                 self.update_title(app, loader);
                 let is_loading = loader.path().is_some()
                     || app.screen.wanted_pages() > 0
@@ -399,7 +400,8 @@ impl ViewerWindow {
                 self.update_title(app, loader);
             }
         }
-        app.finish(Some(&self.window))
+        app.finish(Some(&self.window))?;
+        app.save_awaited(true)
     }
 }
 

@@ -3,6 +3,9 @@
 use super::harness::{expect, has_device, names};
 use std::path::Path;
 use surfel::image::{FloatImage, PixelSource, compare};
+use surfel::progress::SilentProgress;
+use surfel::render::Settings;
+use surfel::render::engine::{Backend, Engine};
 
 fn load(path: &Path) -> FloatImage {
     FloatImage::load(path).unwrap_or_else(|e| panic!("{e}"))
@@ -262,6 +265,35 @@ fn pictures_are_smooth_unless_samples_are_named() {
     );
     // Depth is that of one sample, and so is the picture beside it.
     assert!(is_same(at, "depth.png", "one.png"));
+}
+
+/// What the library's settings for people give, of a surface and of points, is what `surfel render` writes.
+#[test]
+fn the_library_draws_the_default_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    expect(at, 0, "generate statue --triangles 6000 -o statue.ply");
+    let points = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/scan.ply.gz");
+    std::fs::copy(points, at.join("points.ply.gz")).unwrap();
+    let device = surfel::gpu::DeviceOptions {
+        device: Some("cpu".to_owned()),
+        ..Default::default()
+    };
+    let backend = Backend::open(&device).unwrap();
+    for name in ["statue.ply", "points.ply.gz"] {
+        let words = "--size 90x80 --orbit 30,20,1 --device cpu --up y -o drawn.png";
+        expect(at, 0, &format!("render {name} {words}"));
+        let opened = surfel::open(at.join(name), &Default::default(), &SilentProgress).unwrap();
+        let model = opened.model;
+        let angle = f64::to_radians;
+        let camera = model.orbit_camera((90, 80), angle(30.0), angle(20.0), 1.0);
+        let mut engine = Engine::new(&backend, &model, (90, 80), Default::default()).unwrap();
+        let settings = Settings::for_people(&model);
+        let view = camera.view(model.origin).unwrap();
+        let picture = engine.smooth(&view, &settings).unwrap().to_image();
+        picture.save_png(&at.join("own.png")).unwrap();
+        assert!(is_same(at, "drawn.png", "own.png"), "{name}");
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod models;
 mod obj;
 mod other;
 mod ply;
+mod ply_attributes;
 mod scans;
 mod textures;
 

@@ -1,6 +1,6 @@
 //! A window at rest: its picture becomes smooth, and then nothing is done.
 
-use super::display::{Display, Window, must_succeed, wait_for};
+use super::display::{Display, Window, load, must_succeed, wait_for};
 use super::render;
 use std::time::Duration;
 
@@ -71,4 +71,41 @@ fn a_small_model_becomes_smooth_after_one_motion() {
     });
     window.key("q");
     must_succeed(&window.end());
+}
+
+#[test]
+fn a_picture_that_is_asked_for_is_the_one_that_the_view_becomes() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let look = ["generate:statue:60000", "--size", "300x200", "--validate"];
+    let exact = ["--method", "triangles", "--samples", "64"];
+    let mean = render(&[&look[..], &exact[..]].concat(), &file("drawn.png"));
+    let off = levels(&render(&look, &file("drawn.png")), &mean);
+    let more = ["--panel", "off", "--smooth", "on"];
+    let window = Window::open_in(&display, folder.path(), &[&look[..], &more[..]].concat());
+    window.wait_for_title("threshold 1 px");
+    // A view begun anew is not smooth yet.
+    window.key("r");
+    window.key("p");
+    wait_for("the picture", || {
+        file("surfel-000.png").is_file().then_some(())
+    });
+    let picture = load(&file("surfel-000.png"));
+    let is = levels(&picture, &mean);
+    assert!(is < off / 3.0, "{is} of {off}");
+    // Asked twice, or with another view, it is written as it is.
+    for (number, keys) in [(1, ["r", "p", "p"]), (2, ["p", "r", "9"])] {
+        keys.iter().for_each(|key| window.key(key));
+        let path = file(&format!("surfel-{number:03}.png"));
+        wait_for("another picture", || path.is_file().then_some(()));
+    }
+    // So is one that is waited for when the window closes.
+    window.key("r");
+    window.key("p");
+    window.key("q");
+    must_succeed(&window.end());
+    assert!(file("surfel-003.png").is_file());
 }

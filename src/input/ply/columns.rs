@@ -333,6 +333,7 @@ fn list(job: &mut ReadJob<'_>, element: &PlyElement, left_colors: &[usize]) {
     job.inventory
         .add(format!("element {name}"), *count, fate, "");
     let mut left_out = Vec::new();
+    let attributes = attributes_of(element);
     for (index, property) in element.names.iter().enumerate() {
         let (fate, note) = match use_of(element, index) {
             Some(note) => (PartFate::Used, note),
@@ -341,6 +342,7 @@ fn list(job: &mut ReadJob<'_>, element: &PlyElement, left_colors: &[usize]) {
         };
         // Looked at when all is read.
         if matches!(element.role, ElementRole::Vertices(columns) if alpha_of(&columns) == Some(index))
+            || attributes.iter().any(|column| column.property == index)
         {
             continue;
         }
@@ -378,6 +380,26 @@ pub(super) fn alpha_of(columns: &VertexColumns) -> Option<usize> {
         }
         _ => None,
     }
+}
+
+/// Numbers that become attributes: all of vertices that are read as nothing else. Gaussian splats have none; what they leave out is
+/// said at once.
+pub(super) fn attributes_of(element: &PlyElement) -> Vec<KeptColumn> {
+    let ElementRole::Vertices(columns) = element.role else {
+        return Vec::new();
+    };
+    if columns.are_splats {
+        return Vec::new();
+    }
+    let properties = element.properties.iter().enumerate();
+    let free = properties.filter(|(property, _)| {
+        use_of(element, *property).is_none() && alpha_of(&columns) != Some(*property)
+    });
+    free.filter_map(|(property, kind)| match *kind {
+        PlyProperty::Scalar(kind) => Some(KeptColumn { property, kind }),
+        PlyProperty::List { .. } => None,
+    })
+    .collect()
 }
 
 /// What a property is read as; `None` when it is not.

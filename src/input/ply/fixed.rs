@@ -9,10 +9,12 @@ use super::super::Error;
 use super::super::assemble::FileCoordinates;
 use super::super::color::{ColorRange, ColorSink, unite};
 use super::super::job::ReadJob;
-use super::ReadParts;
-use super::columns::{ColorColumns, ElementRole, KeptColumn, VertexColumns};
+use super::attributes::number_of;
+use super::columns::{ColorColumns, ElementRole, KeptColumn, VertexColumns, attributes_of};
 use super::header::{PlyElement, PlyProperty, ScalarType};
 use super::numbers::{decode, is_opaque, of_harmonics, packed_bits, unpacked};
+use super::{ReadParts, attributes};
+use crate::mesh::attributes::{AttributeNumber, AttributeValues, NumberType};
 
 /// Rows per parallel piece, about a megabyte; progress and cancelling go by pieces.
 const PIECE: usize = 1 << 16;
@@ -34,6 +36,11 @@ pub(super) fn read<const BIG: bool>(
                 return Ok(None);
             };
             read_vertices::<BIG>(data, stride, element, &columns, sink);
+            for column in attributes_of(element) {
+                let at = offset_of(element, column.property);
+                let values = attribute::<BIG>(data, stride, at, column.kind);
+                (sink.attributes).push(attributes::column(element, column, values));
+            }
             if job.progress.is_cancelled() {
                 Err(Error::Cancelled)
             } else {
@@ -137,6 +144,34 @@ pub(super) fn read_vertices<const BIG: bool>(
         }
         // Rows with lists have no fixed size.
         Some(ColorColumns::Listed(_)) | None => {}
+    }
+}
+
+/// The numbers of a property of all rows.
+fn attribute<const BIG: bool>(
+    data: &[u8],
+    stride: usize,
+    at: usize,
+    kind: ScalarType,
+) -> AttributeValues {
+    fn of<const BIG: bool, T: AttributeNumber + Default + Send>(
+        data: &[u8],
+        stride: usize,
+        at: usize,
+        kind: ScalarType,
+    ) -> AttributeValues {
+        let value = |row: &[u8]| T::of_double(decode::<BIG>(&row[at..], kind));
+        T::column(rows(data, stride, value))
+    }
+    match number_of(kind) {
+        NumberType::U8 => of::<BIG, u8>(data, stride, at, kind),
+        NumberType::I8 => of::<BIG, i8>(data, stride, at, kind),
+        NumberType::U16 => of::<BIG, u16>(data, stride, at, kind),
+        NumberType::I16 => of::<BIG, i16>(data, stride, at, kind),
+        NumberType::U32 => of::<BIG, u32>(data, stride, at, kind),
+        NumberType::I32 => of::<BIG, i32>(data, stride, at, kind),
+        NumberType::F32 => of::<BIG, f32>(data, stride, at, kind),
+        NumberType::F64 => of::<BIG, f64>(data, stride, at, kind),
     }
 }
 

@@ -2,10 +2,11 @@
 //! any extra elements and properties.
 //!
 //! Known are element `vertex` (x y z, nx ny nz, and colors under many names, packed or as the spherical harmonics of
-//! Gaussian splats), element `face` with the list `vertex_indices` or `vertex_index` (of polygons) and colors, and
+//! Gaussian splats; other numbers are attributes), element `face` with the list `vertex_indices` or `vertex_index` (of polygons) and colors, and
 //! `tristrips` (-1 ends a strip, every other triangle is turned). All else is skipped, and said. Rows of a fixed size,
 //! which are nearly all, are read in parallel.
 
+mod attributes;
 mod columns;
 mod fixed;
 mod header;
@@ -28,6 +29,7 @@ use super::job::ReadJob;
 use super::part::PartFate;
 use super::polygon::FaceList;
 use super::{Error, FileCounts, FilePlace, Format, ReadWarning};
+use crate::mesh::attributes::AttributeColumn;
 
 /// What has been read so far.
 #[derive(Debug)]
@@ -43,6 +45,8 @@ struct ReadParts {
     /// Texture coordinates of vertices, from the lower left.
     places: Vec<Vec2>,
     face_places: FacePlaces,
+    /// Numbers of vertices that are read as nothing else.
+    attributes: Vec<AttributeColumn>,
     /// Vertices by the header, for index checks: faces may come before the vertices.
     vertices: u64,
 }
@@ -68,6 +72,7 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, RawMes
         list: FaceList::default(),
         places: Vec::new(),
         face_places: FacePlaces::default(),
+        attributes: Vec::new(),
         vertices: header.vertices,
     };
     // What follows the last known element is of no use; it may be anything.
@@ -123,6 +128,7 @@ pub(super) fn read(job: &mut ReadJob<'_>, data: &[u8]) -> Result<(Format, RawMes
         colors.resize(raw.triangles.len(), [255; 4]);
         raw.color_faces(&colors);
     }
+    attributes::keep(job, sink.attributes, raw.coordinates.len());
     Ok((format, raw))
 }
 

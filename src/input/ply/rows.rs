@@ -7,10 +7,11 @@ use super::super::job::{ReadJob, at_line};
 use super::super::part::PartFault;
 use super::super::text::{TextScanner, parse_f64};
 use super::super::{Error, FilePlace};
-use super::columns::{ColorColumns, ElementRole, FaceColumns, VertexColumns};
+use super::columns::{ColorColumns, ElementRole, FaceColumns, VertexColumns, attributes_of};
 use super::header::{PlyElement, PlyProperty, ScalarType};
 use super::numbers::{decode, is_opaque, of_harmonics, packed_bits, unpacked};
-use super::{ReadParts, fixed, index_error};
+use super::{ReadParts, attributes, fixed, index_error};
+use crate::mesh::attributes::AttributeValues;
 
 /// Gives the numbers of a body in order. All types fit a double but 64-bit integers, which no index reaches.
 pub(super) trait NumberSource {
@@ -505,6 +506,8 @@ fn read_vertices<S: NumberSource>(
     for (slot, column) in (PLACE..).zip(columns.place.into_iter().flatten()) {
         slot_of[column.property] = slot;
     }
+    let kept = attributes_of(element);
+    let mut of_kept = vec![Vec::with_capacity(element.count as usize); kept.len()];
     let mut values = [0.0; IGNORED + 1];
     values[ALPHA] = 1.0;
     for _ in 0..element.count {
@@ -523,6 +526,11 @@ fn read_vertices<S: NumberSource>(
                         _ => PartFault::TEXTURE,
                     };
                     let value = source.dispensable(job, kind, fault)?;
+                    if slot == IGNORED
+                        && let Some(at) = kept.iter().position(|column| column.property == index)
+                    {
+                        of_kept[at].push(value);
+                    }
                     values[slot] = if fault == PartFault::COLOR {
                         kind.color_value(value)
                     } else {
@@ -557,5 +565,11 @@ fn read_vertices<S: NumberSource>(
         }
         job.reach(source.at())?;
     }
+    let found = kept.into_iter().zip(of_kept);
+    let columns = found.map(|(column, values)| {
+        let values = AttributeValues::F64(values).converted(attributes::number_of(column.kind));
+        attributes::column(element, column, values)
+    });
+    sink.attributes.extend(columns);
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Binary PLY piece by piece. Rows of vertices have one size; rows of faces are read one after the other.
 
-use super::columns::{ColorColumns, ElementRole, VertexColumns};
+use super::columns::{ColorColumns, ElementRole, VertexColumns, attributes_of};
 use super::header::{PlyElement, PlyEncoding, PlyHeader, PlyProperty, ScalarType};
 use super::numbers;
 use super::rows::{self, BinaryBody, NumberSource};
@@ -8,6 +8,7 @@ use super::{ReadParts, fixed};
 use crate::input::assemble::{FileCoordinates, normalize};
 use crate::input::color::{ColorRange, ColorSink};
 use crate::input::job::ReadJob;
+use crate::input::part::grouped;
 use crate::input::polygon::FaceList;
 use crate::input::stream::{RowFile, StreamedModel, boxed};
 use crate::input::{Error, Format, ReadOptions, ReadWarning};
@@ -75,6 +76,15 @@ pub(in crate::input) fn open_stream(
     // The usual way says best what is wrong.
     if header.vertices == 0 || stride == 0 || end > file.length {
         return Ok(None);
+    }
+    let attributes = attributes_of(&element);
+    if !attributes.is_empty() {
+        let names = attributes
+            .iter()
+            .map(|column| &element.names[column.property][..]);
+        let names = grouped(names).join(", ");
+        let parts = vec![format!("{names} of {}", element.name)];
+        job.warn(ReadWarning::LeftOut { parts });
     }
     let file_bytes = file.length;
     let rows = PlyRows {
@@ -194,6 +204,7 @@ impl<const BIG: bool> PlyStream<BIG> {
             list: FaceList::default(),
             places: Vec::new(),
             face_places: super::FacePlaces::default(),
+            attributes: Vec::new(),
             vertices: self.rows.vertex.count,
         }
     }

@@ -4,6 +4,7 @@
 pub(super) mod e57;
 mod guard;
 pub(super) use guard::guarded;
+pub(super) use roles::{attribute_name, kind_of};
 pub(super) mod las;
 pub(super) mod pcd;
 mod roles;
@@ -36,7 +37,7 @@ fn check_unpacked(
 }
 
 /// Keeps the columns that hold anything: an optional one that is zero everywhere says nothing. Lists all of them.
-fn keep_attributes(job: &mut ReadJob<'_>, columns: Vec<AttributeColumn>) {
+pub(super) fn keep_attributes(job: &mut ReadJob<'_>, columns: Vec<AttributeColumn>) {
     for column in columns {
         let name = format!("attribute {}", column.name);
         let count = column.values.len() as u64;

@@ -79,7 +79,7 @@ pub(super) fn role_of_name(name: &str) -> ColumnRole {
 }
 
 /// The name under which an attribute is kept: the usual ones by their usual name, others as they are.
-pub(super) fn attribute_name(name: &str) -> String {
+pub(in crate::input) fn attribute_name(name: &str) -> String {
     let name = name.trim().to_lowercase().replace([' ', '-'], "_");
     let known = match name.as_str() {
         "i" | "intensity" | "scalar_intensity" | "reflectance" | "intensities" => "intensity",
@@ -96,7 +96,7 @@ pub(super) fn attribute_name(name: &str) -> String {
 }
 
 /// The kind of an attribute, by its name.
-pub(super) fn kind_of(name: &str) -> AttributeKind {
+pub(in crate::input) fn kind_of(name: &str) -> AttributeKind {
     let words = [
         "class", "label", "segment", "object", "return", "returns", "ring", "_id", "index",
     ];

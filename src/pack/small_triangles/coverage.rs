@@ -1,6 +1,7 @@
 //! Which pixels triangles cover, a vector of them at a time.
 
 use crate::pack::small_triangles::{CornerPositions, CornerScreen, MOST_PIXELS, MOST_STEPS};
+use crate::textures::WeightSteps;
 use fearless_simd::prelude::*;
 use glam::Vec3;
 
@@ -108,6 +109,18 @@ impl CoveredCenters {
         down: [[0.0; LANES]; 3],
         inverse_w: [[0.0; LANES]; 3],
     };
+
+    /// Changes of the weights of a triangle from pixel to pixel.
+    #[inline(always)]
+    pub(super) fn weight_steps(&self, lane: usize) -> WeightSteps {
+        let [a, b, c] = &self.inverse_w;
+        let inverse_w = Vec3::new(a[lane], b[lane], c[lane]);
+        let [a, b, c] = &self.to_right;
+        let right = Vec3::new(a[lane], b[lane], c[lane]) * inverse_w;
+        let [a, b, c] = &self.down;
+        let down = Vec3::new(a[lane], b[lane], c[lane]) * inverse_w;
+        WeightSteps { right, down }
+    }
 
     /// Looks at the triangles number `at` and on, as many as a vector has. All but masks stays as it was where nothing is
     /// covered.

@@ -2,7 +2,9 @@
 
 use crate::abi::{Splat, Vertex};
 use crate::pack::small_triangles::coverage::LANES;
+use crate::textures::LevelTaps;
 use fearless_simd::prelude::*;
+use glam::Vec3;
 
 type Numbers<S> = <S as Simd>::f32s;
 
@@ -20,6 +22,13 @@ pub(super) struct ShadingQueue {
     positions: [[ShadedRow<f32>; 3]; 3],
     normals: [ShadedRow<u32>; 3],
     colors: [ShadedRow<u32>; 3],
+    /// Some of them show a texture.
+    has_texels: bool,
+    /// Eight texels of each that shows one.
+    texels: [ShadedRow<u32>; 8],
+    /// Place between those: to the right and down among the first and the last four, and from those to these; this last part
+    /// is negative where corners decide.
+    parts: [ShadedRow<f32>; 5],
 }
 
 impl ShadingQueue {
@@ -30,6 +39,9 @@ impl ShadingQueue {
             positions: [[[0.0; ROOM]; 3]; 3],
             normals: [[0; ROOM]; 3],
             colors: [[0; ROOM]; 3],
+            has_texels: false,
+            texels: [[0; ROOM]; 8],
+            parts: [[-1.0; ROOM]; 5],
         }
     }
 
@@ -41,10 +53,9 @@ impl ShadingQueue {
         self.len >= MANY
     }
 
-    /// A pixel of a triangle with these corners, whose weights there are proportional to these; with a color of its own where
-    /// it shows a texture.
+    /// A pixel of a triangle with these corners, whose weights there are proportional to these.
     #[inline(always)]
-    pub(super) fn push(&mut self, corners: [&Vertex; 3], weights: [f32; 3], own: Option<[u8; 3]>) {
+    pub(super) fn push(&mut self, corners: [&Vertex; 3], weights: [f32; 3]) {
         let at = self.len;
         for (i, corner) in corners.into_iter().enumerate() {
             self.weights[i][at] = weights[i];
@@ -52,12 +63,25 @@ impl ShadingQueue {
             self.positions[i][1][at] = corner.position.y;
             self.positions[i][2][at] = corner.position.z;
             self.normals[i][at] = bytemuck::cast(corner.normal);
-            self.colors[i][at] = bytemuck::cast(match own {
-                Some([red, green, blue]) => [red, green, blue, corner.color[3]],
-                None => corner.color,
-            });
+            self.colors[i][at] = bytemuck::cast(corner.color);
         }
         self.len += 1;
+    }
+
+    /// The pixel that is pushed next shows a texture, of these texels.
+    #[inline(always)]
+    pub(super) fn push_texels(&mut self, ([first, second], part): ([LevelTaps; 2], f32)) {
+        let at = self.len;
+        for i in 0..4 {
+            self.texels[i][at] = u32::from_le_bytes(first.texels[i]);
+            self.texels[i + 4][at] = u32::from_le_bytes(second.texels[i]);
+        }
+        self.parts[0][at] = first.right;
+        self.parts[1][at] = first.down;
+        self.parts[2][at] = second.right;
+        self.parts[3][at] = second.down;
+        self.parts[4][at] = part;
+        self.has_texels = true;
     }
 
     /// Writes all.
@@ -69,7 +93,7 @@ impl ShadingQueue {
             let count = (self.len - at).min(Numbers::<S>::LEN);
             for lane in 0..count {
                 write(Splat {
-                    center: glam::Vec3::new(
+                    center: Vec3::new(
                         four.center[0][lane],
                         four.center[1][lane],
                         four.center[2][lane],
@@ -81,7 +105,38 @@ impl ShadingQueue {
             }
             at += Numbers::<S>::LEN;
         }
+        if self.has_texels {
+            self.parts[4] = [-1.0; ROOM];
+            self.has_texels = false;
+        }
         self.len = 0;
+    }
+
+    /// Red, green and blue, 0 to 255, of the pixels number `at` and on that show a texture; of others the given ones.
+    #[inline(always)]
+    fn textured<S: Simd>(&self, simd: S, at: usize, given: [Numbers<S>; 3]) -> [Numbers<S>; 3] {
+        let end = at + Numbers::<S>::LEN;
+        let numbers = |row: &ShadedRow<f32>| Numbers::<S>::from_slice(simd, &row[at..end]);
+        let words = |row: &ShadedRow<u32>| S::u32s::from_slice(simd, &row[at..end]);
+        let [right, down, next_right, next_down, between] = &self.parts;
+        let (right, down) = (numbers(right), numbers(down));
+        let (next_right, next_down) = (numbers(next_right), numbers(next_down));
+        let between = numbers(between);
+        let has_texels = between.simd_ge(0.0);
+        let [a, b, c, d, e, f, g, h] = &self.texels;
+        let (a, b, c, d) = (words(a), words(b), words(c), words(d));
+        let (e, f, g, h) = (words(e), words(f), words(g), words(h));
+        let mut colors = given;
+        for (color, shift) in colors.iter_mut().zip([0, 8, 16]) {
+            let upper = mixed::<S>(byte::<S>(a, shift), byte::<S>(b, shift), right);
+            let lower = mixed::<S>(byte::<S>(c, shift), byte::<S>(d, shift), right);
+            let next_upper = mixed::<S>(byte::<S>(e, shift), byte::<S>(f, shift), next_right);
+            let next_lower = mixed::<S>(byte::<S>(g, shift), byte::<S>(h, shift), next_right);
+            let found = mixed::<S>(upper, lower, down);
+            let next = mixed::<S>(next_upper, next_lower, next_down);
+            *color = has_texels.select(mixed::<S>(found, next, between), *color);
+        }
+        colors
     }
 
     /// Surfaces number `at` and on.
@@ -128,7 +183,12 @@ impl ShadingQueue {
             green += byte::<S>(color, 8) * weight;
             blue += byte::<S>(color, 16) * weight;
         }
-        let [red, green, blue] = [whole::<S>(red), whole::<S>(green), whole::<S>(blue)];
+        if self.has_texels {
+            [red, green, blue] = self.textured(simd, at, [red, green, blue]);
+        }
+        let [red, fine_red] = byte_and_rest::<S>(red);
+        let [green, fine_green] = byte_and_rest::<S>(green);
+        let [blue, fine_blue] = byte_and_rest::<S>(blue);
         let has_normal = x.simd_ne(0.0) | y.simd_ne(0.0) | z.simd_ne(0.0);
         let nothing = S::u32s::splat(simd, 0);
         let alpha = has_normal.select(S::u32s::splat(simd, 255 << 24), nothing);
@@ -144,8 +204,9 @@ impl ShadingQueue {
         let ([x, fine_x], [y, fine_y]) = (quantized::<S>(x), quantized::<S>(y));
         let is_some = has_normal & norm.is_finite();
         let code = is_some.select((x & 0xffff) | (y << 16), nothing);
-        let fine =
-            is_some.select((fine_x & FINE) | ((fine_y & FINE) << FINE_BITS), nothing) | IS_FINE;
+        let fine_normal = is_some.select((fine_x & FINE) | ((fine_y & FINE) << FINE_BITS), nothing);
+        let fine_color = fine_red | (fine_green << REST_BITS) | (fine_blue << (2 * REST_BITS));
+        let fine = fine_normal | (fine_color << (2 * FINE_BITS)) | IS_FINE;
         code.store_slice(&mut surface.normal[lanes]);
         fine.store_slice(&mut surface.fine[lanes]);
         surface
@@ -162,8 +223,12 @@ struct SampledSurface {
 
 /// What an octahedral code of 16 bits leaves out of a coordinate is kept in so many bits, steps of the code over 2 to the
 /// power of one less: as many places as single precision has there. See [`Splat::radius`].
-const FINE_BITS: u32 = 15;
+const FINE_BITS: u32 = 11;
 const FINE: u32 = (1 << FINE_BITS) - 1;
+/// Bits of what a byte leaves out of a color, steps of the byte over 2 to their power. Samples of a pixel have much the same
+/// color: what each is rounded by would stay in their mean.
+const REST_BITS: u32 = 3;
+const REST: u32 = (1 << REST_BITS) - 1;
 /// Marks such bits. No radius is negative.
 const IS_FINE: u32 = 1 << 31;
 
@@ -193,15 +258,25 @@ fn quantized<S: Simd>(v: Numbers<S>) -> [S::u32s; 2] {
     [code.bitcast(), fine.bitcast()]
 }
 
+/// A number between two.
+#[inline(always)]
+fn mixed<S: Simd>(from: Numbers<S>, to: Numbers<S>, part: Numbers<S>) -> Numbers<S> {
+    from + (to - from) * part
+}
+
 #[inline(always)]
 fn byte<S: Simd>(color: S::u32s, shift: u32) -> Numbers<S> {
     let byte: S::i32s = ((color >> shift) & 0xff).bitcast();
     byte.to_float()
 }
 
-/// Rounded to 0..=255.
+/// Rounded to 0..=255, and what that leaves out.
 #[inline(always)]
-fn whole<S: Simd>(v: Numbers<S>) -> S::u32s {
-    let v: S::i32s = (v + 0.5).max(0.0).min(255.0).to_int();
-    v.bitcast()
+fn byte_and_rest<S: Simd>(v: Numbers<S>) -> [S::u32s; 2] {
+    let steps = v * (1 << REST_BITS) as f32 + 0.5;
+    let steps: S::i32s = steps.max(0.0).min((255 << REST_BITS) as f32).to_int();
+    let steps: S::u32s = steps.bitcast();
+    let byte = (steps + (1 << (REST_BITS - 1))) >> REST_BITS;
+    // Of two's complement, of which the lowest bits are kept.
+    [byte, (steps - (byte << REST_BITS)) & REST]
 }

@@ -8,6 +8,7 @@ use crate::pack::for_tests::levels;
 use crate::pack::small_triangles::coverage::LANES;
 use crate::pack::small_triangles::*;
 use crate::progress::SilentProgress;
+use crate::textures::LevelTaps;
 use crate::tree::{self, BuildOptions};
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -249,11 +250,18 @@ fn normal(corners: [&Vertex; 3], weights: [f32; 3]) -> DVec3 {
     sum.normalize_or_zero()
 }
 
-/// As `shaders/compute/resolve_splats.frag` reads a normal.
+/// As `shaders/compute/resolve_splats.frag` reads a color; values of 255.
+fn color_of(splat: &Splat) -> [f32; 3] {
+    let fine = splat.radius.to_bits() as i32;
+    let left = [7, 4, 1].map(|up: u32| (fine << up >> 29) as f32 / 8.0);
+    [0, 1, 2].map(|i| f32::from(splat.color[i]) + left[i])
+}
+
+/// As that reads a normal.
 fn decoded(splat: &Splat) -> DVec3 {
     let fine = splat.radius.to_bits() as i32;
     assert!(fine < 0, "marked");
-    let left = [fine << 17 >> 17, fine << 2 >> 17].map(|v| f64::from(v) / 16384.0);
+    let left = [fine << 21 >> 21, fine << 10 >> 21].map(|v| f64::from(v) / 1024.0);
     let [x, y] =
         [0, 1].map(|i| ((f64::from(splat.normal[i]) + left[i]) / 32767.0).clamp(-1.0, 1.0));
     let z = 1.0 - x.abs() - y.abs();
@@ -286,8 +294,25 @@ fn a_normal_is_as_exact_as_that_of_a_triangle() {
                 let corners = [&vertices[i], &vertices[i + 1], &vertices[i + 2]];
                 (corners, [1.0 + i as f32, 5.0, 0.25 * i as f32])
             };
+            // Every other one shows a texture.
+            let taps_of = |[a, b, c]: [f32; 3]| {
+                let taps = |shift: u8| LevelTaps {
+                    texels: [7, 80, 200, 255].map(|v: u8| [v, v / 2, v.wrapping_mul(shift), 255]),
+                    right: b / (a + b + c),
+                    down: c / (a + b + c),
+                };
+                let is_some = (a as u32).is_multiple_of(2);
+                is_some.then(|| ([taps(3), taps(5)], 0.25 * (a % 3.0)))
+            };
+            let own = |weights: [f32; 3]| {
+                let ([first, second], part) = taps_of(weights)?;
+                Some(first.color().lerp(second.color(), part) * 255.0)
+            };
             for (corners, weights) in (0..37).map(of) {
-                queue.push(corners, weights, None);
+                if let Some(taps) = taps_of(weights) {
+                    queue.push_texels(taps);
+                }
+                queue.push(corners, weights);
             }
             let mut found = Vec::new();
             dispatch!(level, simd => queue.empty(simd, |splat| found.push(splat)));
@@ -300,8 +325,13 @@ fn a_normal_is_as_exact_as_that_of_a_triangle() {
                 };
                 for axis in 0..3 {
                     assert!((splat.center[axis] - mean(&|v| v.position[axis])).abs() < 1e-6);
-                    let color = mean(&|v| f32::from(v.color[axis]));
-                    assert!((f32::from(splat.color[axis]) - color).abs() < 0.501);
+                    let of_corners = mean(&|v| f32::from(v.color[axis]));
+                    let color = own(weights).map_or(of_corners, |own| own[axis]);
+                    assert!((f32::from(splat.color[axis]) - color).abs() < 0.563);
+                    assert!(
+                        (color_of(splat)[axis] - color).abs() < 0.063,
+                        "three bits more"
+                    );
                 }
                 let wanted = normal(corners, weights);
                 assert_eq!(splat.color[3], if wanted == DVec3::ZERO { 0 } else { 255 });

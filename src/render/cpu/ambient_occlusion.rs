@@ -6,8 +6,9 @@
 
 use crate::abi::FrameConstants;
 use crate::abi::constants::FLAG_ORTHOGRAPHIC;
+use crate::math::powers::{exp2, log2};
 use crate::pack::parallel;
-use crate::render::cpu::darken::{DrawnRectangle, darken_value, darkened_word, exp2, log2};
+use crate::render::cpu::darken::{DrawnRectangle, darken_value, darkened_word};
 use fearless_simd::{Level, dispatch};
 use std::f32::consts::{FRAC_PI_2, PI};
 

@@ -122,13 +122,13 @@ impl FrameShading {
 
     /// A splat, which has one color.
     pub(super) fn of_splat(&self, splat: &Splat) -> ShadedPoint {
-        let [red, green, blue, alpha] = splat.color.map(|c| f32::from(c) / 255.0);
-        let color = Vec3::new(red, green, blue);
-        let long = match alpha > 0.0 {
+        let color = color_of(splat);
+        let has_normal = splat.color[3] > 0;
+        let long = match has_normal {
             true => decoded(splat),
             false => Vec3::ZERO,
         };
-        let normal = match alpha > 0.0 {
+        let normal = match has_normal {
             true => long / long.length(),
             false => Vec3::ZERO,
         };
@@ -366,14 +366,31 @@ pub(super) fn unit_or_zero(v: Vec3) -> Vec3 {
     }
 }
 
-/// The normal of a splat, of any length, with what its code leaves out (`shaders/compute/resolve_splats.frag`).
+/// Bits of what the codes of a splat's normal and color leave out (`shaders/compute/resolve_splats.frag`).
+fn fine_of(splat: &Splat) -> i32 {
+    (splat.radius.to_bits() as i32).min(0)
+}
+
+/// The color of a splat (1 is white), with what its bytes leave out.
+fn color_of(splat: &Splat) -> Vec3 {
+    let fine = fine_of(splat);
+    let channel = |byte: u8, left: i32| (f32::from(byte) + (left >> 29) as f32 / 8.0) / 255.0;
+    let [red, green, blue, _] = splat.color;
+    Vec3::new(
+        channel(red, fine << 7),
+        channel(green, fine << 4),
+        channel(blue, fine << 1),
+    )
+}
+
+/// The normal of a splat, of any length, with what its code leaves out.
 fn decoded(splat: &Splat) -> Vec3 {
-    let fine = (splat.radius.to_bits() as i32).min(0);
+    let fine = fine_of(splat);
     let coordinate = |code: i16, left: i32| {
-        ((f32::from(code) + (left >> 17) as f32 / 16384.0) / 32767.0).max(-1.0)
+        ((f32::from(code) + (left >> 21) as f32 / 1024.0) / 32767.0).max(-1.0)
     };
-    let x = coordinate(splat.normal[0], fine << 17);
-    let y = coordinate(splat.normal[1], fine << 2);
+    let x = coordinate(splat.normal[0], fine << 21);
+    let y = coordinate(splat.normal[1], fine << 10);
     let z = 1.0 - x.abs() - y.abs();
     let fold = (-z).max(0.0);
     let folded = |v: f32| v - if v >= 0.0 { fold } else { -fold };

@@ -4,7 +4,10 @@ use super::Engine;
 use crate::gpu::Error;
 use crate::image::{EVEN_SAMPLES, FloatImage, Image, PictureAccumulator, evenly, mean_difference};
 use crate::math::camera::View;
-use crate::render::{Method, Settings, SplatKind};
+use crate::pack::SurfaceLighting;
+use crate::pack::lit_sphere::LitSphere;
+use crate::render::{AmbientOcclusion, EyeDome, Method, Settings, SplatKind};
+use crate::tree::Model;
 use std::ops::Range;
 
 /// Threshold of smooth pictures of surfaces by squares, pixels. Splats of a pixel would widen what their samples share;
@@ -16,6 +19,27 @@ const SMOOTH_THRESHOLD_PX: f32 = 0.125;
 pub fn smooth_threshold(settings: &Settings, is_surface: bool) -> Option<f32> {
     let has_squares = settings.method == Method::Pop && settings.splat == SplatKind::Square;
     (has_squares && is_surface).then_some(SMOOTH_THRESHOLD_PX)
+}
+
+impl Settings {
+    /// Settings of what `surfel render` and the window show first of a model, for [`Engine::smooth`]: studio light, darkened hollows
+    /// and depths between points, points as discs in the plane of the surface. The default is for measuring: the headlight, squares.
+    pub fn for_people(model: &Model) -> Self {
+        let is_surface = model.kind().is_surface();
+        let mut settings = Self {
+            light: SurfaceLighting::Sphere(LitSphere::Studio),
+            ambient_occlusion: AmbientOcclusion::Auto,
+            eye_dome: EyeDome::Auto,
+            splat: match is_surface {
+                true => SplatKind::Square,
+                false => SplatKind::Ellipse,
+            },
+            ..Self::default()
+        };
+        let threshold = smooth_threshold(&settings, is_surface);
+        settings.threshold_px = threshold.unwrap_or(settings.threshold_px);
+        settings
+    }
 }
 
 /// Samples of a pixel at least; twice as many where they are not enough.

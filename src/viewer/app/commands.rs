@@ -169,13 +169,7 @@ impl ViewerApp {
             KeyCommand::Section => self.switch_section(),
             KeyCommand::Statistics => self.has_statistics = !self.has_statistics,
             KeyCommand::Print => self.print_statistics()?,
-            // The picture of now: one that is to be drawn first is waited for.
-            KeyCommand::Screenshot
-                if (self.is_dirty || self.wheel != 0.0) && self.orbit.is_some() =>
-            {
-                self.wants_screenshot = true
-            }
-            KeyCommand::Screenshot => self.numbered_screenshot()?,
+            KeyCommand::Screenshot => self.ask_for_screenshot()?,
             KeyCommand::Photo => self.photo()?,
             KeyCommand::Turntable => match (&self.turntable, free_path("surfel-turn-", "")) {
                 (Some(_), _) => self.end_turntable("stopped; "),
@@ -381,26 +375,6 @@ impl ViewerApp {
     pub(in crate::viewer) fn save_shown(&mut self, path: &Path) -> Result<(), ViewerError> {
         if let Some(image) = self.screen.read_shown()? {
             image.save_png(path)?;
-        }
-        Ok(())
-    }
-
-    /// Writes the first `surfel-NNN.png` that is not there yet.
-    pub(super) fn numbered_screenshot(&mut self) -> Result<(), ViewerError> {
-        self.wants_screenshot = false;
-        match free_path("surfel-", ".png") {
-            Some(path) if self.orbit.is_some() => match self.save(&path) {
-                Err(ViewerError::Image(error)) => self.warn(&error.to_string()),
-                // A device that was lost is noticed by the next frame.
-                Err(ViewerError::Gpu(error)) if way_after(&error) != RecoveryWay::End => {
-                    self.is_dirty = true;
-                    self.warn(&format!("no picture: {error}"));
-                }
-                Err(error) => return Err(error),
-                Ok(()) => self.inform(&format!("wrote {}", path.display())),
-            },
-            Some(_) => {}
-            None => self.warn("surfel-000.png to surfel-999.png are all there; move some away"),
         }
         Ok(())
     }

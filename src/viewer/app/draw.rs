@@ -5,6 +5,7 @@ use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, HeadlightSource};
 use crate::render::stats::KeptWork;
 use crate::render::{Method, Occlusion, Path, Settings, Shading, SplatKind};
+use crate::viewer::ViewerError;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::control::{EyePlace, FrameBudget, FrameWork};
 use crate::viewer::event::ViewerEvent;
@@ -12,7 +13,6 @@ use crate::viewer::graph;
 use crate::viewer::pace::{PaceSummary, PacedFrame};
 use crate::viewer::recovery::{RecoveryWay, way_after};
 use crate::viewer::screen::{FrameRequest, ShowOutcome};
-use crate::viewer::{RestSmoothing, ViewerError};
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Instant;
@@ -219,6 +219,9 @@ impl ViewerApp {
             self.is_cover_dirty = false;
         }
         let is_new_picture = self.is_dirty || !self.screen.has_picture();
+        if is_new_picture {
+            self.save_awaited_before_change()?;
+        }
         let (settings, work) = self.effective_settings(is_new_picture);
         let settings = self.choose_photographs(settings)?;
         let is_moving = self.is_moving();
@@ -256,9 +259,7 @@ impl ViewerApp {
             self.sharpen_photographs();
             if orbit_is_there && shown == ShowOutcome::Frame {
                 self.frames += 1;
-                if self.wants_screenshot {
-                    self.numbered_screenshot()?;
-                }
+                self.await_samples_of_frame()?;
                 if !self.is_preview {
                     self.good = Some(self.settings);
                     self.after_frame()?;
@@ -268,19 +269,15 @@ impl ViewerApp {
         Ok(shown)
     }
 
-    /// How long until the resting picture may get smoother, seconds; none where it may not. Somebody who watches sees the
-    /// same picture in the same view; recordings and pictures that nobody watches are what the settings say.
+    /// How long until the resting picture may get smoother, seconds; none where it may not.
     pub(in crate::viewer) fn smooths_in(&self) -> Option<f64> {
         let (settings, at) = self.drawn_with.as_ref()?;
         let smoothing = self.options.smoothing;
         // A coarse frame is followed by a fine one. Else the time since the last frame tells rest: without events the time of
         // the last event, by which a camera moves, stands still.
         let is_coarse = self.control.as_ref().is_some_and(FrameBudget::is_coarse);
-        let may = smoothing != RestSmoothing::Never
-            && !self.is_unattended()
-            && self.options.replay.is_none()
-            && !(self.is_dirty() || self.is_preview || is_coarse)
-            && self.turntable.is_none()
+        let may = self.becomes_smooth()
+            && !(self.is_dirty() || is_coarse)
             && self.screen.can_be_smoother(smoothing, settings);
         let rest = REST_S - at.elapsed().as_secs_f64();
         may.then_some(rest.max(0.0))

@@ -1,6 +1,7 @@
 //! What the window does, without the window: events in, frames out. Given the same events in the same steps, the
 //! same pictures.
 
+mod awaited_picture;
 mod commands;
 mod draw;
 mod events;
@@ -35,6 +36,7 @@ use crate::mesh::attributes::PointAttributes;
 use crate::pack::{Phong, SurfaceLighting};
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::{Model, OrbitSphere};
+use awaited_picture::AwaitedPicture;
 use commands::TurntableRun;
 use glam::{DVec2, DVec3};
 use photographs::ModelPhotographs;
@@ -156,8 +158,8 @@ pub(super) struct ViewerApp {
     turntable: Option<TurntableRun>,
     /// The threshold of a cut that is held, pixels.
     held_px: f32,
-    /// The next picture of the model is to be written.
-    wants_screenshot: bool,
+    /// A picture that is to be written.
+    awaited_picture: Option<AwaitedPicture>,
     /// How often the device was lost since the last frame.
     losses: u32,
     /// Number and time of the frame whose figures are shown.
@@ -253,7 +255,7 @@ impl ViewerApp {
             moved_at: f64::NEG_INFINITY,
             turntable: None,
             held_px: 0.0,
-            wants_screenshot: false,
+            awaited_picture: None,
             losses: 0,
             shown_figures: (0, 0),
             messages,

@@ -59,7 +59,7 @@ impl FrameHeadlight {
 /// What the surfaces of a block of splats are like: normals and colors as [`Splat`] has them.
 pub(super) struct BlockSurfaces {
     normals: [i32; BLOCK],
-    /// What the codes of normals leave out, see `shaders/compute/resolve_splats.frag`; 0: nothing.
+    /// What the codes of normals and colors leave out, see `shaders/compute/resolve_splats.frag`; 0: nothing.
     fine: [i32; BLOCK],
     colors: [i32; BLOCK],
 }
@@ -112,9 +112,9 @@ impl BlockSurfaces {
         let [of_red, of_green, of_blue] = light.albedo;
         let (red, green, blue) = if light.has_colors {
             (
-                byte::<S>(channel::<S>(colors) * of_red * lambert),
-                byte::<S>(channel::<S>(colors >> 8) * of_green * lambert),
-                byte::<S>(channel::<S>(colors >> 16) * of_blue * lambert),
+                byte::<S>(channel::<S>(colors, fine << 7) * of_red * lambert),
+                byte::<S>(channel::<S>(colors >> 8, fine << 4) * of_green * lambert),
+                byte::<S>(channel::<S>(colors >> 16, fine << 1) * of_blue * lambert),
             )
         } else {
             (
@@ -154,8 +154,8 @@ impl BlockSurfaces {
 #[inline(always)]
 fn direction_of<S: Simd>(simd: S, code: Words<S>, fine: Words<S>) -> [Numbers<S>; 3] {
     let zero = Numbers::<S>::splat(simd, 0.0);
-    let x = coordinate::<S>((code << 16) >> 16, (fine << 17) >> 17);
-    let y = coordinate::<S>(code >> 16, (fine << 2) >> 17);
+    let x = coordinate::<S>((code << 16) >> 16, (fine << 21) >> 21);
+    let y = coordinate::<S>(code >> 16, (fine << 10) >> 21);
     let z = Numbers::<S>::splat(simd, 1.0) - x.abs() - y.abs();
     let fold = (-z).max(zero);
     let x = x - x.simd_ge(zero).select(fold, -fold);
@@ -169,14 +169,14 @@ fn direction_of<S: Simd>(simd: S, code: Words<S>, fine: Words<S>) -> [Numbers<S>
 #[inline(always)]
 fn coordinate<S: Simd>(code: Words<S>, left: Words<S>) -> Numbers<S> {
     let (code, left): (Numbers<S>, Numbers<S>) = (code.to_float(), left.to_float());
-    ((code + left / 16384.0) / 32767.0).max(-1.0)
+    ((code + left / 1024.0) / 32767.0).max(-1.0)
 }
 
-/// The lowest byte as a value.
+/// The lowest byte as a value, with what it leaves out in the highest bits of another word.
 #[inline(always)]
-fn channel<S: Simd>(color: Words<S>) -> Numbers<S> {
-    let own: Numbers<S> = (color & 0xff).to_float();
-    own / 255.0
+fn channel<S: Simd>(color: Words<S>, left: Words<S>) -> Numbers<S> {
+    let own: Numbers<S> = (((color & 0xff) << 3) + (left >> 29)).to_float();
+    own / (8.0 * 255.0)
 }
 
 /// A value as a byte.

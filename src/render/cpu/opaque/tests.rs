@@ -272,7 +272,8 @@ fn light(is_two_sided: bool, has_colors: bool) -> FrameHeadlight {
 fn value_of(splat: &Splat, is_two_sided: bool, has_colors: bool) -> [f64; 3] {
     let to_light = DVec3::new(0.0, -0.1, 3.0) - splat.center.as_dvec3();
     let fine = (splat.radius.to_bits() as i32).min(0);
-    let left = [fine << 17 >> 17, fine << 2 >> 17].map(|v| f64::from(v) / 16384.0);
+    let left = [fine << 21 >> 21, fine << 10 >> 21].map(|v| f64::from(v) / 1024.0);
+    let left_of_color = [7, 4, 1].map(|up: u32| f64::from(fine << up >> 29) / 8.0);
     let [x, y] = [0, 1].map(|i| ((f64::from(splat.normal[i]) + left[i]) / 32767.0).max(-1.0));
     let z = 1.0 - x.abs() - y.abs();
     let fold = (-z).max(0.0);
@@ -285,7 +286,7 @@ fn value_of(splat: &Splat, is_two_sided: bool, has_colors: bool) -> [f64; 3] {
     };
     let own = |i: usize| {
         if has_colors {
-            f64::from(splat.color[i])
+            f64::from(splat.color[i]) + left_of_color[i]
         } else {
             255.0
         }
