@@ -5,7 +5,7 @@ pub mod cone;
 pub mod frustum;
 pub mod measured_line;
 pub mod octahedral;
-pub mod section_box;
 pub(crate) mod powers;
+pub mod section_box;
 pub mod sphere;
 pub mod up_axis;
