@@ -14,13 +14,13 @@
 
 mod coverage;
 mod shading;
+mod texels;
 
 use crate::abi::{FrameConstants, Splat};
 use crate::pack::parallel;
 use crate::pack::parallel::RecordSink;
 use crate::pack::small_triangles::coverage::CoveredCenters;
 use crate::pack::small_triangles::shading::ShadingQueue;
-use crate::textures::{self, TextureSlope};
 use crate::tree::Model;
 use fearless_simd::{Level, Simd, SimdBase, dispatch};
 use glam::{Vec3, Vec4};
@@ -301,19 +301,12 @@ fn part<S: Simd>(
                         value * covered.inverse_w[i][lane]
                     };
                     let mut weights = [weight(0), weight(1), weight(2)];
-                    // Of the weights before they may be those of another place.
-                    let mut level = 0.0;
-                    if let Some((image, places)) = &texture {
-                        let steps = covered.weight_steps(lane);
-                        level = image.level_of(TextureSlope::at(places, weights.into(), steps));
-                    }
                     if weights[0].min(weights[1]).min(weights[2]) < 0.0 {
                         let positions = corners.map(|corner| corner.position);
                         weights = coverage::in_steps(screen, positions, [column, row]);
                     }
-                    if let Some((image, places)) = &texture {
-                        let place = textures::place_at(places, weights.into());
-                        queue.push_texels(image.taps(place, level));
+                    if let Some((image, places)) = texture {
+                        queue.push_texture(image, places, covered.weight_steps(lane));
                     }
                     queue.push(corners, weights);
                 }

@@ -2,36 +2,31 @@
 
 use crate::abi::{Splat, Vertex};
 use crate::pack::small_triangles::coverage::LANES;
-use crate::textures::LevelTaps;
+use crate::pack::small_triangles::texels::TextureQueue;
+use crate::textures::{TextureImage, WeightSteps};
 use fearless_simd::prelude::*;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 type Numbers<S> = <S as Simd>::f32s;
 
 /// So many may wait, with room for what a vector of triangles covers.
 const MANY: usize = 64;
-const ROOM: usize = MANY + LANES * crate::pack::small_triangles::MOST_PIXELS as usize;
+pub(super) const ROOM: usize = MANY + LANES * crate::pack::small_triangles::MOST_PIXELS as usize;
 
-type ShadedRow<T> = [T; ROOM];
+pub(super) type ShadedRow<T> = [T; ROOM];
 
 /// Pixels whose surface is not yet known: numbers of one kind in a row each, corner by corner.
 #[derive(Debug)]
-pub(super) struct ShadingQueue {
+pub(super) struct ShadingQueue<'m> {
     len: usize,
     weights: [ShadedRow<f32>; 3],
     positions: [[ShadedRow<f32>; 3]; 3],
     normals: [ShadedRow<u32>; 3],
     colors: [ShadedRow<u32>; 3],
-    /// Some of them show a texture.
-    has_texels: bool,
-    /// Eight texels of each that shows one.
-    texels: [ShadedRow<u32>; 8],
-    /// Place between those: to the right and down among the first and the last four, and from those to these; this last part
-    /// is negative where corners decide.
-    parts: [ShadedRow<f32>; 5],
+    textures: TextureQueue<'m>,
 }
 
-impl ShadingQueue {
+impl<'m> ShadingQueue<'m> {
     pub(super) fn new() -> Self {
         Self {
             len: 0,
@@ -39,9 +34,7 @@ impl ShadingQueue {
             positions: [[[0.0; ROOM]; 3]; 3],
             normals: [[0; ROOM]; 3],
             colors: [[0; ROOM]; 3],
-            has_texels: false,
-            texels: [[0; ROOM]; 8],
-            parts: [[-1.0; ROOM]; 5],
+            textures: TextureQueue::new(),
         }
     }
 
@@ -68,20 +61,15 @@ impl ShadingQueue {
         self.len += 1;
     }
 
-    /// The pixel that is pushed next shows a texture, of these texels.
+    /// The pixel that is pushed next shows an image, in which the corners have these places.
     #[inline(always)]
-    pub(super) fn push_texels(&mut self, ([first, second], part): ([LevelTaps; 2], f32)) {
-        let at = self.len;
-        for i in 0..4 {
-            self.texels[i][at] = u32::from_le_bytes(first.texels[i]);
-            self.texels[i + 4][at] = u32::from_le_bytes(second.texels[i]);
-        }
-        self.parts[0][at] = first.right;
-        self.parts[1][at] = first.down;
-        self.parts[2][at] = second.right;
-        self.parts[3][at] = second.down;
-        self.parts[4][at] = part;
-        self.has_texels = true;
+    pub(super) fn push_texture(
+        &mut self,
+        image: &'m TextureImage,
+        places: [Vec2; 3],
+        steps: WeightSteps,
+    ) {
+        self.textures.put(self.len, image, places, steps);
     }
 
     /// Writes all.
@@ -105,38 +93,8 @@ impl ShadingQueue {
             }
             at += Numbers::<S>::LEN;
         }
-        if self.has_texels {
-            self.parts[4] = [-1.0; ROOM];
-            self.has_texels = false;
-        }
+        self.textures.clear();
         self.len = 0;
-    }
-
-    /// Red, green and blue, 0 to 255, of the pixels number `at` and on that show a texture; of others the given ones.
-    #[inline(always)]
-    fn textured<S: Simd>(&self, simd: S, at: usize, given: [Numbers<S>; 3]) -> [Numbers<S>; 3] {
-        let end = at + Numbers::<S>::LEN;
-        let numbers = |row: &ShadedRow<f32>| Numbers::<S>::from_slice(simd, &row[at..end]);
-        let words = |row: &ShadedRow<u32>| S::u32s::from_slice(simd, &row[at..end]);
-        let [right, down, next_right, next_down, between] = &self.parts;
-        let (right, down) = (numbers(right), numbers(down));
-        let (next_right, next_down) = (numbers(next_right), numbers(next_down));
-        let between = numbers(between);
-        let has_texels = between.simd_ge(0.0);
-        let [a, b, c, d, e, f, g, h] = &self.texels;
-        let (a, b, c, d) = (words(a), words(b), words(c), words(d));
-        let (e, f, g, h) = (words(e), words(f), words(g), words(h));
-        let mut colors = given;
-        for (color, shift) in colors.iter_mut().zip([0, 8, 16]) {
-            let upper = mixed::<S>(byte::<S>(a, shift), byte::<S>(b, shift), right);
-            let lower = mixed::<S>(byte::<S>(c, shift), byte::<S>(d, shift), right);
-            let next_upper = mixed::<S>(byte::<S>(e, shift), byte::<S>(f, shift), next_right);
-            let next_lower = mixed::<S>(byte::<S>(g, shift), byte::<S>(h, shift), next_right);
-            let found = mixed::<S>(upper, lower, down);
-            let next = mixed::<S>(next_upper, next_lower, next_down);
-            *color = has_texels.select(mixed::<S>(found, next, between), *color);
-        }
-        colors
     }
 
     /// Surfaces number `at` and on.
@@ -183,8 +141,8 @@ impl ShadingQueue {
             green += byte::<S>(color, 8) * weight;
             blue += byte::<S>(color, 16) * weight;
         }
-        if self.has_texels {
-            [red, green, blue] = self.textured(simd, at, [red, green, blue]);
+        if !self.textures.is_empty() {
+            [red, green, blue] = self.textures.colors(simd, at, sum, w, [red, green, blue]);
         }
         let [red, fine_red] = byte_and_rest::<S>(red);
         let [green, fine_green] = byte_and_rest::<S>(green);
@@ -258,14 +216,9 @@ fn quantized<S: Simd>(v: Numbers<S>) -> [S::u32s; 2] {
     [code.bitcast(), fine.bitcast()]
 }
 
-/// A number between two.
+/// A channel of colors, 0 to 255.
 #[inline(always)]
-fn mixed<S: Simd>(from: Numbers<S>, to: Numbers<S>, part: Numbers<S>) -> Numbers<S> {
-    from + (to - from) * part
-}
-
-#[inline(always)]
-fn byte<S: Simd>(color: S::u32s, shift: u32) -> Numbers<S> {
+pub(super) fn byte<S: Simd>(color: S::u32s, shift: u32) -> Numbers<S> {
     let byte: S::i32s = ((color >> shift) & 0xff).bitcast();
     byte.to_float()
 }

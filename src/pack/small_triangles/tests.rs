@@ -8,10 +8,10 @@ use crate::pack::for_tests::levels;
 use crate::pack::small_triangles::coverage::LANES;
 use crate::pack::small_triangles::*;
 use crate::progress::SilentProgress;
-use crate::textures::LevelTaps;
+use crate::textures::{TextureImage, TextureLevel, WeightSteps, WrapMode};
 use crate::tree::{self, BuildOptions};
 use bytemuck::Zeroable;
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 
 /// A view along y from so far away, as the device has it: the near plane, where depth is 1, at a distance of 0.5.
 fn screen(distance: f32, size: u32) -> CornerScreen {
@@ -285,6 +285,9 @@ fn a_normal_is_as_exact_as_that_of_a_triangle() {
             ],
         }
     };
+    let texels = (0..4096_u32).map(|i| [i as u8, (i / 16) as u8, (i * 7) as u8, 255]);
+    let texels = TextureLevel::new(64, 64, texels.collect()).unwrap();
+    let image = TextureImage::new("a", [64; 2], [WrapMode::Repeat; 2], texels);
     for level in levels() {
         let (mut worst, mut without) = (0.0f64, 0);
         for round in 0..200 {
@@ -294,23 +297,26 @@ fn a_normal_is_as_exact_as_that_of_a_triangle() {
                 let corners = [&vertices[i], &vertices[i + 1], &vertices[i + 2]];
                 (corners, [1.0 + i as f32, 5.0, 0.25 * i as f32])
             };
-            // Every other one shows a texture.
-            let taps_of = |[a, b, c]: [f32; 3]| {
-                let taps = |shift: u8| LevelTaps {
-                    texels: [7, 80, 200, 255].map(|v: u8| [v, v / 2, v.wrapping_mul(shift), 255]),
-                    right: b / (a + b + c),
-                    down: c / (a + b + c),
+            // Every other one shows an image.
+            let texture_of = |[a, b, c]: [f32; 3]| {
+                let places = [
+                    Vec2::new(0.1, a.sin()),
+                    Vec2::new(0.4, 0.3),
+                    Vec2::new(0.2, 0.7),
+                ];
+                let steps = WeightSteps {
+                    right: Vec3::new(b, -a, 0.3 * c) * 0.02,
+                    down: Vec3::new(0.2, -0.1, c * 0.05),
                 };
-                let is_some = (a as u32).is_multiple_of(2);
-                is_some.then(|| ([taps(3), taps(5)], 0.25 * (a % 3.0)))
+                (a as u32).is_multiple_of(2).then_some((places, steps))
             };
             let own = |weights: [f32; 3]| {
-                let ([first, second], part) = taps_of(weights)?;
-                Some(first.color().lerp(second.color(), part) * 255.0)
+                let (places, steps) = texture_of(weights)?;
+                Some(image.seen(&places, weights.into(), steps) * 255.0)
             };
             for (corners, weights) in (0..37).map(of) {
-                if let Some(taps) = taps_of(weights) {
-                    queue.push_texels(taps);
+                if let Some((places, steps)) = texture_of(weights) {
+                    queue.push_texture(&image, places, steps);
                 }
                 queue.push(corners, weights);
             }
