@@ -25,8 +25,7 @@ pub(super) fn show(
         settings.section.is_some() || settings.has_cut() || settings.method == Method::Triangles;
     let mut is_on = settings.section.is_some();
     ui.add_enabled_ui(is_used, |ui| {
-        let tip =
-            "Draw only what touches a box with sides along the axes: drag its ends to look inside";
+        let tip = "Cut away the nearer half, to look inside, or nothing again (Shift Y)";
         let change = ui
             .checkbox(&mut is_on, "section")
             .on_hover_text(tip)
