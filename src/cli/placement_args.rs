@@ -38,7 +38,7 @@ fn parse_model_color(text: &str) -> Result<ModelColor, String> {
 
 impl PlacementArgs {
     /// Makes settings draw the section of the first model, which has this origin.
-    pub(crate) fn cut(&self, settings: &mut Settings, origin: DVec3) {
+    pub(crate) fn set_section(&self, settings: &mut Settings, origin: DVec3) {
         settings.section = (self.section).map(|ends| SectionBox::of_file(ends, origin));
     }
 

@@ -511,7 +511,8 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
         .iter()
         .map(|c| c.view(ready.model.origin))
         .collect::<Result<Vec<_>, _>>()?;
-    args.placement.cut(&mut settings, ready.model.origin);
+    args.placement
+        .set_section(&mut settings, ready.model.origin);
     if args.look.is_auto() {
         settings = args
             .auto

@@ -59,7 +59,7 @@ pub struct NodeTester {
     pub(super) backward: Vec3,
     pub(super) is_perspective: bool,
     sides: [PlaneDistances; 4],
-    /// Ends of the box outside of which all is dropped.
+    /// Least and greatest coordinates of the section, from the reference, tester units.
     section: Option<[[f32; 3]; 2]>,
     forward: PlaneDistances,
     pub(super) near: f32,
@@ -156,8 +156,8 @@ impl NodeTester {
             is_perspective: view.is_perspective,
             sides: [0, 1, 2, 3].map(|i| distances(&frustum.sides[i], 0.0)),
             section: (settings.section).map(|own| {
-                own.in_file((-reference).into())
-                    .map(|end| (end * unit).as_vec3().to_array())
+                let from_reference = |end: Vec3| end.as_dvec3() - reference.as_dvec3();
+                [own.low, own.high].map(|end| (from_reference(end) * unit).as_vec3().to_array())
             }),
             forward: distances(&frustum.near, near),
             near: (near * unit) as f32,

@@ -74,9 +74,9 @@ pub(super) struct PushedSplat<'p> {
     pub(super) own: SeenPolygon<'p>,
     /// Depth offset of its radius, view-space units.
     pub(super) offset: f32,
-    /// The same over the distance of its center from the eye; 0 without perspective.
+    /// Depth offset over the distance of its center from the eye; 0 without perspective.
     slope: f64,
-    /// The offset without perspective, else 0.
+    /// Depth offset without perspective, view-space units; else 0.
     lift: f64,
     /// Twice what a face that it stands for may lie from its plane, depth offsets.
     apart: f64,

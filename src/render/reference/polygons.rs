@@ -109,9 +109,9 @@ pub(super) struct PushedPolygon {
     spread: f64,
     /// Depth offset of its radius, view-space units.
     pub(super) offset: f64,
-    /// The same over the distance of its center from the eye; 0 without perspective.
+    /// Depth offset over the distance of its center from the eye; 0 without perspective.
     slope: f64,
-    /// The offset without perspective, else 0.
+    /// Depth offset without perspective, view-space units; else 0.
     lift: f64,
     is_gauss: bool,
 }
@@ -121,11 +121,11 @@ pub(super) struct PushedPolygon {
 pub(super) struct PushedSample {
     /// Reversed depth in its place.
     pub(super) own: f32,
-    /// The same, pushed away by what keeps planes of a flat surface apart.
+    /// Reversed depth, pushed away from the eye by what keeps planes of a flat surface apart.
     pub(super) least_pushed: f32,
-    /// The same, pushed away by that and by twice what a face that it stands for may lie from its plane.
+    /// Reversed depth, pushed away by that and by twice what a face that it stands for may lie from its plane.
     pub(super) pushed: f32,
-    /// The same, pulled towards the eye by the latter.
+    /// Reversed depth, pulled towards the eye by twice what a face may lie from its plane.
     pub(super) pulled: f32,
     /// Part of a blend.
     pub(super) weight: f32,

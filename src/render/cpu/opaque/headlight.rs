@@ -59,7 +59,7 @@ impl FrameHeadlight {
 /// What the surfaces of a block of splats are like: normals and colors as [`Splat`] has them.
 pub(super) struct BlockSurfaces {
     normals: [i32; BLOCK],
-    /// What the codes of normals and colors leave out, see `shaders/compute/resolve_splats.frag`; 0: nothing.
+    /// Rests of normals and colors that their codes leave out, packed as `shaders/compute/resolve_splats.frag` reads them; 0 is none.
     fine: [i32; BLOCK],
     colors: [i32; BLOCK],
 }
