@@ -51,18 +51,27 @@ Disc bounded(Disc disc) {
         disc.form = vec3(0.0);
         disc.skew = vec2(0.0);
         disc.lean = vec2(0.0);
+        disc.dome = 0.0;
         disc.size_px = disc.size_px >= 1.0 ? disc.size_px : 1.0;
     } else {
-        disc.lean = disc.size_px < LEAST_LEANING_PX ? vec2(0.0) : disc.lean;
+        bool is_leaning = disc.size_px >= LEAST_LEANING_PX;
+        disc.lean = is_leaning ? disc.lean : vec2(0.0);
+        disc.dome = is_leaning ? disc.dome : 0.0;
         // The device snaps the center; what the square gains is cut off by the form.
         disc.size_px += 1.0 / 64.0;
     }
     return disc;
 }
 
+// Reversed depth of an opaque splat at an offset from its center, in pixels, where that has `depth`.
+float dome_depth(float depth, vec3 form, vec2 lean, float dome, vec2 offset) {
+    float squared = form.x * offset.x * offset.x + 2.0 * form.y * offset.x * offset.y + form.z * offset.y * offset.y;
+    return clamp(depth + dot(lean, offset) - dome * squared, 0.0, 1.0);
+}
+
 // A circle of `radius_px` around a framebuffer position.
 Disc circle_at(vec2 center_px, float radius_px) {
-    return bounded(Disc(center_px, vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0, vec2(0.0)));
+    return bounded(Disc(center_px, vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0, vec2(0.0), 0.0));
 }
 
 // The same around a center in view space.
@@ -78,23 +87,25 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
     disc.center_px = position_px(center);
     disc.skew = vec2(0.0);
     disc.lean = vec2(0.0);
+    disc.dome = 0.0;
     vec2 scale = frame.ray_scale;
     bool is_orthographic = has_flag(FLAG_ORTHOGRAPHIC);
     float distance = is_orthographic ? 1.0 : -center.z;
-    // The near plane in view space, from the projection: depth 1 there.
-    float near = frame.clip_from_view[3][2] / (1.0 + frame.clip_from_view[2][2]);
-    if (!is_orthographic && distance - radius <= near) {
+    if (!is_orthographic && distance <= NEAR_RADII * radius) {
         // It may reach behind the eye, where the plane has no picture: a circle that faces the viewer.
-        float extent = radius * frame.focal_px / max(distance, near);
+        float extent = radius * frame.focal_px / distance;
         disc.form = vec3(1.0, 0.0, 1.0) / (extent * extent);
     } else {
         vec3 n = footprint_normal(normal, to_eye(center), thickness);
+        // Along the ray it is higher, at most a radius.
+        float height = radius * min(DOME_HEIGHT / dot(n, to_eye(center)), 1.0);
         vec3 x;
         vec3 y;
         if (is_orthographic) {
             x = vec3(1.0, 0.0, -n.x / n.z);
             y = vec3(0.0, 1.0, -n.y / n.z);
             disc.lean = n.xy / n.z * scale * -frame.clip_from_view[2][2];
+            disc.dome = height * frame.clip_from_view[2][2];
         } else {
             vec3 along = center / distance;
             vec2 slope = n.xy / dot(n, along);
@@ -102,7 +113,11 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
             y = vec3(0.0, 1.0, 0.0) - along * slope.y;
             disc.skew = slope * scale;
             // Depth is a constant and this over the distance.
-            disc.lean = disc.skew * (frame.clip_from_view[3][2] / distance);
+            float over = frame.clip_from_view[3][2] / distance;
+            disc.lean = disc.skew * over;
+            // A way s further along the ray costs s over the square of the distance, and that is where the form has its own
+            // square. One nearer than three radii stays flat: its dome might end behind everything.
+            disc.dome = distance >= 3.0 * radius ? over * (height / distance) : 0.0;
         }
         x *= scale.x * distance / radius;
         y *= scale.y * distance / radius;

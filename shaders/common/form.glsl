@@ -11,14 +11,23 @@ struct Disc {
     float size_px;
     // Change of reversed depth, which is affine on the picture of a plane; 1 / pixels.
     vec2 lean;
+    // Reversed depth lost per unit of the form: an opaque splat is a dome, so that of two that overlap each shows its middle.
+    float dome;
 };
+
+// Height of a dome over its radius, along its normal. Of discs that touch a ball those up to half of its radius end as cells
+// instead of lying on each other, outermost rim in front.
+const float DOME_HEIGHT = 0.25;
 
 // A circle of a smaller diameter may lie between the centers of pixels: it is the square around it instead, of one pixel
 // at least, so that no splat vanishes.
 const float LEAST_ROUND_PX = 1.41421356;
 
+// A disc not further from the eye than so many of its radii is a circle that faces the viewer.
+const float NEAR_RADII = 1.125;
+
 // A smaller disc has the depth of its center in all of its pixels: nobody sees where planes meet there, and what is nearest
-// would change with every move of the camera.
+// would change with every move of the camera. It is no dome either.
 const float LEAST_LEANING_PX = 3.0;
 
 // Width and height of the rectangle around the center that contains the ellipse rho = 1, from the inverse of its form.

@@ -48,7 +48,7 @@ Disc footprint_of(Surfel surfel, bool is_widened) {
     float distance = has_flag(FLAG_ORTHOGRAPHIC) ? 1.0 : -surfel.center.z;
     float radius_px = surfel.radius * frame.focal_px / distance;
     if (IS_SQUARE) {
-        return Disc(position_px(surfel.center), vec3(0.0), vec2(0.0), max(2.0 * radius_px, 1.0), vec2(0.0));
+        return Disc(position_px(surfel.center), vec3(0.0), vec2(0.0), max(2.0 * radius_px, 1.0), vec2(0.0), 0.0);
     }
     return circle(surfel.center, radius_px);
 }

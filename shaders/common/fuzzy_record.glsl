@@ -40,7 +40,7 @@ struct Footprint {
 // The footprint of a record before its size is known, of a square with it.
 Footprint footprint_at(uint at) {
     float xx = floats_of(splats[at].pushed_xx).y;
-    Disc disc = Disc(floats_of(splats[at].window), vec3(0.0), vec2(0.0), xx, vec2(0.0));
+    Disc disc = Disc(floats_of(splats[at].window), vec3(0.0), vec2(0.0), xx, vec2(0.0), 0.0);
     if (IS_SQUARE) {
         return Footprint(disc, vec3(0.0), vec2(xx));
     }

@@ -12,8 +12,8 @@ layout(location = 1) flat out vec3 normal_in_model;
 layout(location = 2) flat out vec2 center_px;
 layout(location = 3) flat out vec3 form;
 layout(location = 4) flat out vec2 skew;
-// Reversed depth of the center, and its change along x and y, 1 / pixels.
-layout(location = 5) flat out vec3 depth_and_lean;
+// Reversed depth of the center, its change along x and y, 1 / pixels, and what the dome takes from it per unit of the form.
+layout(location = 5) flat out vec4 depth_lean_dome;
 
 void emit_round(vec3 center, float radius, vec2 packed_normal, vec4 color) {
     vec3 center_in_view = (frame.view_from_model * vec4(center, 1.0)).xyz;
@@ -33,7 +33,7 @@ void emit_round(vec3 center, float radius, vec2 packed_normal, vec4 color) {
     center_px = disc.center_px;
     form = disc.form;
     skew = disc.skew;
-    depth_and_lean = vec3(clip.z / clip.w, disc.lean);
+    depth_lean_dome = vec4(clip.z / clip.w, disc.lean, disc.dome);
     place(clip, disc.size_px);
     shade = shade_at(center_in_view, n, color.rgb, vec3(1.0, 0.2, 0.2));
 }

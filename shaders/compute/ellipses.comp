@@ -1,7 +1,7 @@
 #version 460
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
-// Pass small.splats, ellipses: every disc in the plane of the surface leaves the depth of that plane and its number in the
+// Pass small.splats, ellipses: every disc in the plane of the surface leaves the depth of its dome and its number in the
 // pixels that it covers; the nearest stays, of equals the first of the list.
 #include "common/footprint_pixels.glsl"
 #include "common/octahedral.glsl"
@@ -37,7 +37,7 @@ void main() {
     Walk walk = walk_over(disc, place_of(clip));
     walk.pixels = is_drawn ? walk.pixels : 0;
     for (; walk.pixels > 0; go_on(walk)) {
-        float depth = clamp(depth_of_center + dot(walk.disc.lean, walk.from_center), 0.0, 1.0);
+        float depth = dome_depth(depth_of_center, walk.disc.form, walk.disc.lean, walk.disc.dome, walk.from_center);
         uint64_t key = packUint2x32(uvec2(number, floatBitsToUint(depth)));
         if (is_covered(walk) && depth > 0.0 && (!LOOKS_FIRST || nearest[walk.pixel] < key)) {
             atomicMax(nearest[walk.pixel], key);

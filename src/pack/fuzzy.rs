@@ -27,6 +27,9 @@ use crate::tree::Model;
 use bytemuck::Zeroable;
 use glam::{Mat4, Vec3, Vec4};
 
+/// A disc not further from the eye than so many of its radii is a circle that faces the viewer.
+const NEAR_RADII: f32 = 1.125;
+
 /// Smallest ratio of the axes of a footprint, and least cosine by which depth offsets are divided.
 const LEAST_RATIO: f32 = 0.1;
 /// The least cosine under which a patch is taken to be seen.
@@ -211,7 +214,6 @@ struct FuzzyEye<'a> {
     pixels: [Vec4; 2],
     focal_px: Vec4,
     model_scale: Vec4,
-    near: Vec4,
     /// Half the side of splats without a radius of their own, at distance 1.
     half_size: Vec4,
     depth_offset: Vec4,
@@ -248,7 +250,6 @@ impl<'a> FuzzyEye<'a> {
             pixels: ray_scale.map(|s| Vec4::splat(1.0 / s)),
             focal_px: Vec4::splat(view.focal_px()),
             model_scale: Vec4::splat(view.model_scale),
-            near: Vec4::splat(view.near),
             half_size: Vec4::splat(0.5 * plan.threshold_px.max(1.0) / view.focal_px()),
             depth_offset: Vec4::splat(look.depth_offset),
             lamp: match look.light {
@@ -330,9 +331,9 @@ impl<'a> FuzzyEye<'a> {
                 let tilted = tilted(&normal, &eye, signed, thickness);
                 let ellipse = self.ellipse(&at, &tilted, radius * inverse_distance);
                 // It may reach behind the eye, where the plane has no picture: a circle that faces the viewer.
-                let is_near = (distance - radius).cmple(self.near);
+                let is_near = distance.cmple(radius * NEAR_RADII);
                 if self.is_perspective && is_near.any() {
-                    let extent = radius * self.focal_px / distance.max(self.near);
+                    let extent = radius * self.focal_px / distance;
                     let circle = [extent * extent, zero, extent * extent];
                     let or = |a: Vec4, b: Vec4| Vec4::select(is_near, a, b);
                     let (inverse, skew) = ellipse;

@@ -28,6 +28,13 @@ const LEAST_ROUND_PX: f64 = std::f64::consts::SQRT_2;
 /// nearest would change with every move of the camera.
 const LEAST_LEANING_PX: f64 = 3.0;
 
+/// A disc not further from the eye than so many of its radii might reach behind it, where its plane has no picture.
+const NEAR_RADII: f64 = 1.125;
+
+/// Height of the dome that an opaque splat is, along its normal and over its radius: its rim lies so much behind its plane, what is
+/// between them by the square of the distance from the center.
+const DOME_HEIGHT: f64 = 0.25;
+
 /// A patch of surface in view space, as footprints see it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfacePatch {
@@ -80,7 +87,7 @@ enum DiscShape {
 pub(super) struct DiscSample {
     /// Square of the distance from the center in the plane of the disc, in radii.
     pub(super) rho_squared: f64,
-    /// Distance along the view direction, of a disc that lies in a plane of its own.
+    /// Distance along the view direction of the dome over a disc that lies in a plane of its own.
     pub(super) distance: Option<f32>,
 }
 
@@ -157,8 +164,8 @@ pub(super) fn thickness_of([.., alpha]: [u8; 4]) -> f64 {
 }
 
 impl DiscFootprint {
-    /// The footprint of a patch; `None` when it covers no pixel of the picture. Where the patch reaches the near
-    /// plane it is a circle of the radius that a facing disc would have in the middle of the picture.
+    /// The footprint of a patch; `None` when it covers no pixel of the picture. Where the patch nearly
+    /// reaches the eye it is a circle of the radius that a facing disc would have in the middle of the picture.
     ///
     /// `low_pass_px` widens it by a Gaussian of that standard deviation, where rho = 1 stands for two of them.
     pub(super) fn new(
@@ -182,9 +189,8 @@ impl DiscFootprint {
         let view = frame.view;
         let center = patch.center.as_dvec3();
         let distance = if view.is_perspective { -center.z } else { 1.0 };
-        let near = f64::from(view.near);
-        if view.is_perspective && distance - patch.radius <= near {
-            let radius_px = patch.radius * f64::from(view.focal_px()) / distance.max(near);
+        if view.is_perspective && distance <= NEAR_RADII * patch.radius {
+            let radius_px = patch.radius * f64::from(view.focal_px()) / distance;
             let form = DVec3::new(1.0, 0.0, 1.0) / (radius_px * radius_px);
             return Some(UnboundedDisc::of_form(
                 center,
@@ -266,10 +272,24 @@ impl DiscFootprint {
                     let across = through - center.truncate();
                     across.extend(-normal.truncate().dot(across) / normal.z)
                 };
-                distance = self
-                    .is_leaning
-                    .then_some((-center.z - from_center.z) as f32);
-                from_center.length_squared() / (radius * radius)
+                let rho_squared = from_center.length_squared() / (radius * radius);
+                let of_plane = -center.z - from_center.z;
+                // Along the ray of the center it is higher, at most a radius.
+                let facing = normal.dot(if *is_perspective {
+                    -center.normalize()
+                } else {
+                    DVec3::Z
+                });
+                let height = rho_squared * radius * (DOME_HEIGHT / facing).min(1.0);
+                // In perspective it is 1 / distance that sinks, and a disc nearer than three radii stays flat: it might end behind
+                // everything.
+                let of_dome = match *is_perspective {
+                    true if -center.z < 3.0 * radius => of_plane,
+                    true => of_plane / (1.0 - height / of_plane),
+                    false => of_plane + height,
+                };
+                distance = self.is_leaning.then_some(of_dome as f32);
+                rho_squared
             }
         };
         DiscSample {

@@ -226,6 +226,7 @@ impl DrawnBand<'_> {
                 form: [xx, xy, yy],
                 skew,
                 lean,
+                dome,
                 to_first,
             } = *oval;
             let width = Numbers::<S>::splat(simd, (right.max(left) - left) as f32);
@@ -241,7 +242,7 @@ impl DrawnBand<'_> {
                     let along = from_x * skew[0] + along_y;
                     let is_in = squared.simd_le(along * along) & along.simd_gt(0.0);
                     // Nothing is nearer than the near plane.
-                    let depth = (from_x * lean[0] + depth).min(1.0);
+                    let depth = (from_x * lean[0] + depth - squared * dome).min(1.0);
                     self.leave_wide(simd, at, is_in & x.simd_lt(width), depth, shown);
                     at += step;
                     x += step as f32;

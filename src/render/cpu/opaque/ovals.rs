@@ -10,6 +10,12 @@ type Numbers<S> = <S as Simd>::f32s;
 /// Smallest ratio of the axes of a footprint: at a rim normals are unsure, and a line would leave holes.
 const LEAST_RATIO: f32 = 0.1;
 
+/// A disc not further from the eye than so many of its radii is a circle that faces the viewer.
+const NEAR_RADII: f32 = 1.125;
+
+/// Height of the dome that an opaque splat is, over its radius; see `shaders/common/form.glsl`.
+const DOME_HEIGHT: f32 = 0.25;
+
 /// From the plane of a disc to the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct OvalScreen {
@@ -17,8 +23,6 @@ pub(super) struct OvalScreen {
     view: [[f32; 4]; 3],
     ray_scale: [f32; 2],
     is_orthographic: bool,
-    /// Distance of the near plane.
-    near: f32,
     /// Reversed depth is the second over the distance less the first; without perspective the second less the first times the
     /// distance.
     depth: [f32; 2],
@@ -31,7 +35,6 @@ impl OvalScreen {
             view: [0, 1, 2].map(|row: usize| [0, 1, 2, 3].map(|column: usize| view[column][row])),
             ray_scale: frame.ray_scale,
             is_orthographic: frame.flags & FLAG_ORTHOGRAPHIC != 0,
-            near: clip[3][2] / (1.0 + clip[2][2]),
             depth: [clip[2][2], clip[3][2]],
         }
     }
@@ -47,6 +50,8 @@ pub(super) struct OvalOutline {
     pub(super) skew: [f32; 2],
     /// Change of reversed depth, which is affine on the picture of a plane; 1 / pixels.
     pub(super) lean: [f32; 2],
+    /// Reversed depth lost per unit of the form.
+    pub(super) dome: f32,
     /// From the center to that of the first pixel, pixels.
     pub(super) to_first: [f32; 2],
 }
@@ -70,6 +75,8 @@ pub(super) struct OvalForms<S: Simd> {
     pub(super) skew: [Numbers<S>; 2],
     /// Change of reversed depth with the offset, 1 / pixels.
     pub(super) lean: [Numbers<S>; 2],
+    /// Reversed depth lost per unit of the form.
+    pub(super) dome: Numbers<S>,
     /// Width and height of the rectangle around the center that contains them, pixels.
     pub(super) sides: [Numbers<S>; 2],
 }
@@ -160,9 +167,9 @@ impl OvalScreen {
         // What may reach behind the eye, where the plane has no picture, is a circle that faces the viewer.
         let is_near = match self.is_orthographic {
             true => zero.simd_gt(one),
-            false => (distance - radius).simd_le(number(self.near)),
+            false => distance.simd_le(radius * NEAR_RADII),
         };
-        let extent = radius * focal_px / distance.max(number(self.near));
+        let extent = radius * focal_px / distance;
         let circle = one / (extent * extent);
         let skewed = match self.is_orthographic {
             true => [zero; 2],
@@ -188,6 +195,16 @@ impl OvalScreen {
                 [skew[0] * unit, skew[1] * unit]
             }
         };
+        let height = number(DOME_HEIGHT) / dot::<S>(normal, to_eye);
+        let height = radius * height.min(one);
+        let dome = match self.is_orthographic {
+            true => height * per_distance,
+            false => {
+                let own = height * over_distance / (distance * distance);
+                // What is nearer than three radii stays flat.
+                distance.simd_ge(radius * 3.0).select(own, zero)
+            }
+        };
         let determinant = form[0] * form[2] - form[1] * form[1];
         let inverse = [
             form[2] / determinant,
@@ -203,6 +220,7 @@ impl OvalScreen {
             form,
             skew,
             lean,
+            dome,
             sides: [
                 side_of::<S>(inverse[0], shift[0], rest),
                 side_of::<S>(inverse[2], shift[1], rest),

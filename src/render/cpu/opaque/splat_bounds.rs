@@ -69,7 +69,7 @@ struct BlockAnswers {
     form: Row,
     to_first: [Row; 2],
     /// Form and skew of discs in the plane of the surface.
-    ovals: [Row; 7],
+    ovals: [Row; 8],
     colors: [i32; BLOCK],
 }
 
@@ -109,7 +109,7 @@ pub(super) fn part(
             depth: [0.0; BLOCK],
             form: [0.0; BLOCK],
             to_first: [[0.0; BLOCK]; 2],
-            ovals: [[0.0; BLOCK]; 7],
+            ovals: [[0.0; BLOCK]; 8],
             colors: [0; BLOCK],
         },
     };
@@ -301,12 +301,13 @@ impl SplatPlacer<'_> {
             _ => 0,
         });
         for (i, oval) in own_ovals.iter_mut().enumerate() {
-            let [xx, xy, yy, skew_x, skew_y, lean_x, lean_y] =
-                [0, 1, 2, 3, 4, 5, 6].map(|row: usize| answers.ovals[row][i]);
+            let [xx, xy, yy, skew_x, skew_y, lean_x, lean_y, dome] =
+                [0, 1, 2, 3, 4, 5, 6, 7].map(|row: usize| answers.ovals[row][i]);
             *oval = OvalOutline {
                 form: [xx, xy, yy],
                 skew: [skew_x, skew_y],
                 lean: [lean_x, lean_y],
+                dome,
                 to_first: [answers.to_first[0][i], answers.to_first[1][i]],
             };
         }
@@ -518,8 +519,9 @@ fn find_ovals<S: Simd>(
     let [xx, xy, yy] = forms.form;
     let is_leaning = side.simd_ge(LEAST_LEANING_PX);
     let [lean_x, lean_y] = [0, 1].map(|i: usize| is_leaning.select(forms.lean[i], zero));
+    let dome = is_leaning.select(forms.dome, zero);
     let [skew_x, skew_y] = forms.skew;
-    let rows = [xx, xy * 2.0, yy, skew_x, skew_y, lean_x, lean_y];
+    let rows = [xx, xy * 2.0, yy, skew_x, skew_y, lean_x, lean_y, dome];
     for (row, own) in found.ovals.iter_mut().zip(rows) {
         is_round
             .select(own, zero)

@@ -440,7 +440,12 @@ fn seen_of_disc(splat: &Splat, [x, y]: [u32; 2], [width, height]: [f64; 2]) -> [
         true => {
             let met = along * ray;
             let squared = met.distance_squared(center) / f64::from(splat.radius).powi(2);
-            [squared, (0.5 / -met.z).min(1.0)]
+            let radius = f64::from(splat.radius);
+            let dome = match -center.z >= 3.0 * radius {
+                true => radius * (0.25 / ratio).min(1.0) * squared / -met.z,
+                false => 0.0,
+            };
+            [squared, (0.5 / -met.z * (1.0 - dome)).min(1.0)]
         }
         false => [f64::INFINITY, 0.0],
     }
@@ -458,7 +463,7 @@ fn ovals_cover_what_rays_meet() {
         splat.normal = octahedral::encode(Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5));
         splat.radius = 0.02 + 0.3 * next().powi(2);
         splat.color[3] = if next() < 0.5 { 255 } else { 120 };
-        // What reaches the near plane is a circle; what is smaller than a pixel and a half a square.
+        // What nearly reaches the eye is a circle; what is smaller than a pixel and a half a square.
         let distance = 3.0 - splat.center.z;
         if distance - splat.radius <= 0.5 || splat.radius * 0.1 * screen.focal_px < distance {
             continue;

@@ -144,23 +144,52 @@ fn a_disc_smaller_than_a_pixel_is_the_pixel_of_its_center() {
 
 /// Near the eye a plane may have no picture; the circle takes its place, with the same size at the border.
 #[test]
-fn a_disc_at_the_near_plane_faces_the_viewer() {
+fn a_disc_that_nearly_reaches_the_eye_faces_the_viewer() {
     let view = perspective(200);
     let style = PrimitiveStyle::default();
     let frame = ReferenceFrame::new(&view, &style);
-    let radius_px = f64::from(view.focal_px()) * 0.05 / 0.12;
-    let disc = DiscFootprint::new(
-        &frame,
-        &patch(Vec3::new(0.0, 0.0, -0.12), DVec3::X, 0.05, 0.0),
-        0.0,
-    )
-    .unwrap();
-    let expected = std::f64::consts::PI * radius_px * radius_px;
-    assert!(
-        (area(&disc) - expected).abs() < 0.03 * expected,
-        "{} {expected}",
-        area(&disc)
-    );
+    let at = |distance: f32| {
+        let center = Vec3::new(0.7 * distance, 0.0, -distance);
+        let own = patch(center, DVec3::X, 1.0, 0.0);
+        DiscFootprint::new(&frame, &own, 0.0).unwrap()
+    };
+    let radius_px = f64::from(view.focal_px()) / 1.12;
+    let middle_px = 100.0 + 0.7 * f64::from(view.focal_px());
+    let disc = at(1.12);
+    for x in 0..200 {
+        let is_within = middle_px - f64::from(x) - 0.5 < radius_px;
+        assert_eq!(disc.sample(x, 100).is_some(), is_within, "column {x}");
+    }
+    assert!(matches!(at(1.13).shape, DiscShape::Plane { .. }));
+}
+
+/// Of two discs that touch a ball each shows its middle, and they meet half way, from the middle of the ball to 60 degrees.
+#[test]
+fn discs_of_a_ball_meet_half_way() {
+    let view = perspective(2000);
+    let style = PrimitiveStyle::default();
+    let frame = ReferenceFrame::new(&view, &style);
+    let middle = DVec3::new(0.0, 0.0, -6.0);
+    let column_of = |degrees: f64| {
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        let normal = DVec3::new(sine, 0.0, cosine);
+        let at = middle + normal;
+        let own = patch(at.as_vec3(), normal, 0.3, 0.0);
+        let disc = DiscFootprint::new(&frame, &own, 0.0).unwrap();
+        (disc, window(&frame, at).x)
+    };
+    for degrees in [0.0, 20.0, 40.0, 50.0] {
+        let ((left, from), (right, to)) = (column_of(degrees), column_of(degrees + 10.0));
+        let nearer = |x: &u32| {
+            let [left, right] = [&left, &right].map(|disc| disc.met(*x, 1000).distance.unwrap());
+            right < left
+        };
+        let [from, to] = [from, to].map(|x| x as u32);
+        let meeting = (from..to).find(nearer).unwrap();
+        assert!((from..meeting).all(|x| !nearer(&x)) && (meeting..to).all(|x| nearer(&x)));
+        let share = f64::from(meeting - from) / f64::from(to - from);
+        assert!((0.35..0.65).contains(&share), "{degrees} degrees: {share}");
+    }
 }
 
 proptest! {
