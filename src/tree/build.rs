@@ -291,7 +291,7 @@ pub(super) fn build_around(
         check_stop()?;
         if with_normals {
             normals = found.normals;
-            point_normals::orient(&shape, &found.radii, &mut normals);
+            point_normals::orient(&shape, &points, &found.radii, &mut normals);
             point_normals::give(&mut model.vertices, &normals);
         }
         for (leaf, radius) in leaves.iter_mut().zip(found.radii) {

@@ -1,31 +1,107 @@
 //! Estimated normals of a cloud's points, turned so that means of many do not cancel.
 //!
 //! A plane through the neighbors of a point ([`super::neighborhood`]) has two normals. Light falls on both sides of a cloud, so
-//! either is right for a point; but a node has the mean of the normals below, which needs them on one side. Hoppe, DeRose,
-//! Duchamp, McDonald and Stuetzle, *Surface Reconstruction from Unorganized Points* (1992), carry the side along a spanning
-//! tree of near points. Here the tree of the cloud is that: from the lowest nodes up, whole subtrees are turned where that makes the
-//! sum of a node's normals longer. It takes time in proportion to the points and all threads.
+//! either is right for a point; but a node has the mean of the normals below, which needs them on one side, and a rim that curves
+//! away must not look lit from behind. Hoppe, DeRose, Duchamp, McDonald and Stuetzle, *Surface Reconstruction from Unorganized
+//! Points* (1992), carry the side along a spanning tree of near points. Here the tree of the cloud is that: from the lowest nodes
+//! up, whole subtrees are turned where that makes the sum of a node's normals longer. Where the surface bends so much that even
+//! the longest sum is short, as in half of a ball, parts are turned away from the middle of the node. It takes time in proportion
+//! to the points and all threads.
 
 use super::shape::TreeShape;
 use crate::abi::Vertex;
 use crate::math::octahedral;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
-/// Turns normals (zero: none) so that the sum of those below each node is as long as turning its children can make it. Weights
-/// are those of the points in the sums. The sum of all points upward, along z.
-pub(super) fn orient(shape: &TreeShape, weights: &[f32], normals: &mut [Vec3]) {
-    let mut sums: Vec<Vec3> = (normals.par_iter().zip(weights))
-        .map(|(normal, weight)| *normal * weight.max(f32::MIN_POSITIVE))
-        .collect();
+/// A sum shorter than this share of the sum of weights tells no side: half of a ball has a half, a roof of 90 degrees 0.71.
+const LEAST_SHARE: f32 = 0.65;
+
+/// Weighted sums over points with normals.
+#[derive(Debug, Clone, Copy, Default)]
+struct OrientedPoints {
+    weight: f32,
+    /// Of positions.
+    place: Vec3,
+    /// Of normals.
+    normal: Vec3,
+    /// Of normal times position: the flux of positions through the surface.
+    flux: f32,
+}
+
+impl OrientedPoints {
+    fn of_point(place: Vec3, normal: Vec3, weight: f32) -> Self {
+        let weight = match normal == Vec3::ZERO {
+            true => 0.0,
+            false => weight.max(f32::MIN_POSITIVE),
+        };
+        Self {
+            weight,
+            place: place * weight,
+            normal: normal * weight,
+            flux: normal.dot(place) * weight,
+        }
+    }
+
+    fn turned(self, turns: bool) -> Self {
+        let sign = if turns { -1.0 } else { 1.0 };
+        Self {
+            normal: self.normal * sign,
+            flux: self.flux * sign,
+            ..self
+        }
+    }
+
+    fn with(self, other: Self) -> Self {
+        Self {
+            weight: self.weight + other.weight,
+            place: self.place + other.place,
+            normal: self.normal + other.normal,
+            flux: self.flux + other.flux,
+        }
+    }
+
+    /// Whether the sum of the normals tells a side.
+    fn has_side(&self) -> bool {
+        self.normal.length() >= LEAST_SHARE * self.weight
+    }
+
+    /// Flux of what is seen from a middle; below 0 where the normals point there.
+    fn flux_from(&self, middle: Vec3) -> f32 {
+        self.flux - self.normal.dot(middle)
+    }
+}
+
+/// Turns normals (zero: none) so that those below a node lie on one side: the sum of them is as long as turning its children can
+/// make it, or where that is short all point away from the node's middle. Weights are those of the points in the sums. A cloud
+/// that is one side, as ground is, looks upward, along z.
+pub(super) fn orient(shape: &TreeShape, points: &[Vec3], weights: &[f32], normals: &mut [Vec3]) {
+    let leaf = |i: u32| {
+        let i = i as usize;
+        OrientedPoints::of_point(points[i], normals[i], weights[i])
+    };
+    let mut sums: Vec<OrientedPoints> = Vec::new();
     // Of each level from the lowest up, which children are turned.
     let mut turned: Vec<Vec<bool>> = Vec::new();
     for level in shape.levels.iter().rev() {
         let starts = &level.child_starts;
-        let nodes: Vec<(Vec3, [bool; 4])> = (starts.par_windows(2).with_min_len(1024))
-            .map(|pair| longest_sum(&sums[pair[0] as usize..pair[1] as usize]))
+        let is_lowest = turned.is_empty();
+        let below = |children: Range<u32>| {
+            let mut own = [OrientedPoints::default(); 4];
+            let count = children.len().min(4);
+            for (own, child) in own.iter_mut().zip(children) {
+                *own = match is_lowest {
+                    true => leaf(child),
+                    false => sums[child as usize],
+                };
+            }
+            one_side(&own[..count])
+        };
+        let nodes: Vec<(OrientedPoints, [bool; 4])> = (starts.par_windows(2).with_min_len(1024))
+            .map(|pair| below(pair[0]..pair[1]))
             .collect();
-        let mut own = vec![false; sums.len()];
+        let mut own = vec![false; starts.last().map_or(0, |&end| end as usize)];
         for (pair, (_, turns)) in starts.windows(2).zip(&nodes) {
             own[pair[0] as usize..pair[1] as usize]
                 .copy_from_slice(&turns[..(pair[1] - pair[0]) as usize]);
@@ -34,7 +110,8 @@ pub(super) fn orient(shape: &TreeShape, weights: &[f32], normals: &mut [Vec3]) {
         sums = nodes.into_iter().map(|(sum, _)| sum).collect();
     }
     // What turns a node turns all below it.
-    let mut above = vec![sums.first().is_some_and(|sum| sum.z < 0.0)];
+    let is_down = |sum: &OrientedPoints| sum.has_side() && sum.normal.z < 0.0;
+    let mut above = vec![sums.first().is_some_and(is_down)];
     for (level, own) in shape.levels.iter().zip(turned.iter_mut().rev()) {
         for (pair, above) in level.child_starts.windows(2).zip(&above) {
             for child in &mut own[pair[0] as usize..pair[1] as usize] {
@@ -48,20 +125,32 @@ pub(super) fn orient(shape: &TreeShape, weights: &[f32], normals: &mut [Vec3]) {
         .for_each(|(normal, _)| *normal = -*normal);
 }
 
-/// The longest sum of up to four vectors, each as it is or turned, and which are turned; the first never is.
-fn longest_sum(vectors: &[Vec3]) -> (Vec3, [bool; 4]) {
-    let mut best = (Vec3::ZERO, [false; 4]);
-    let mut longest = -1.0;
-    for choice in 0..1u32 << (vectors.len().clamp(1, 4) - 1) {
+/// The sum of up to four parts, each as it is or turned, and which are turned: what makes the longest sum of normals, or where that
+/// tells no side what makes each point away from their middle.
+fn one_side(parts: &[OrientedPoints]) -> (OrientedPoints, [bool; 4]) {
+    let sum = |turns: &[bool; 4]| {
+        let own = parts.iter().zip(turns);
+        own.fold(OrientedPoints::default(), |sum, (part, turns)| {
+            sum.with(part.turned(*turns))
+        })
+    };
+    let mut best = (sum(&[false; 4]), [false; 4]);
+    for choice in 1..1u32 << (parts.len().clamp(1, 4) - 1) {
         let turns = [false, choice & 1 != 0, choice & 2 != 0, choice & 4 != 0];
-        let own = vectors.iter().zip(turns);
-        let sum: Vec3 = own.map(|(v, turns)| if turns { -*v } else { *v }).sum();
-        if sum.length_squared() > longest {
-            longest = sum.length_squared();
-            best = (sum, turns);
+        let own = sum(&turns);
+        if own.normal.length_squared() > best.0.normal.length_squared() {
+            best = (own, turns);
         }
     }
-    best
+    if best.0.has_side() || best.0.weight == 0.0 {
+        return best;
+    }
+    let middle = best.0.place / best.0.weight;
+    let mut turns = [false; 4];
+    for (part, turns) in parts.iter().zip(&mut turns) {
+        *turns = part.flux_from(middle) < 0.0;
+    }
+    (sum(&turns), turns)
 }
 
 /// Gives points their normals, where they have some.
@@ -116,6 +205,12 @@ mod tests {
         }
         // The neighbors reach 3 degrees far, not quite evenly.
         assert!(largest.to_degrees() < 0.7, "{}", largest.to_degrees());
+        // All look outward.
+        let outward = model.vertices.iter().filter(|vertex| {
+            let place = vertex.position + model.origin.as_vec3();
+            octahedral::decode(vertex.normal).dot(place) > 0.0
+        });
+        assert_eq!(outward.count(), count as usize);
         // Below nodes of some sixteen points all normals are on one side.
         let tree = &model.tree;
         let level = tree.level(tree.level_count() - 2);
