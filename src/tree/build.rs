@@ -11,7 +11,7 @@ use super::grow::{TreeGrowth, VertexExtent, level_starts_of, links};
 use super::partition::TreePartition;
 use super::shape::TreeShape;
 use super::sort_item::SortItem;
-use super::spacing::{self, CloudSpacing};
+use super::spacing::{self, CloudNormals, CloudSpacing};
 use super::{
     AlignedRecords, Error, Leaf, Model, ModelTextures, Tree, framed, order, point_normals, textures,
 };
@@ -283,9 +283,14 @@ pub(super) fn build_around(
         let is_estimated = options.point_normals == PointNormals::Estimate;
         let with_normals = is_estimated && normals.is_empty();
         let points: Vec<Vec3> = leaves.iter().map(|leaf| leaf.center).collect();
+        let cloud_normals = match (normals.is_empty(), with_normals) {
+            (false, _) => CloudNormals::Given(&normals),
+            (true, true) => CloudNormals::Wanted,
+            (true, false) => CloudNormals::Unwanted,
+        };
         let mut found = match (&radii, with_normals) {
             (Some(_), false) => CloudSpacing::default(),
-            _ => spacing::measure(&shape, &points, with_normals, (&stop, &advance)),
+            _ => spacing::measure(&shape, &points, cloud_normals, (&stop, &advance)),
         };
         found.radii = radii.unwrap_or(found.radii);
         check_stop()?;

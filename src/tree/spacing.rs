@@ -34,6 +34,22 @@ pub(super) struct CloudSpacing {
     pub(super) normals: Vec<Vec3>,
 }
 
+/// Normals of the points of a cloud, as its spacing meets them.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum CloudNormals<'a> {
+    /// Of each, from its file; zero where it has none.
+    Given(&'a [Vec3]),
+    /// To be found by neighbors.
+    Wanted,
+    Unwanted,
+}
+
+/// Cosine of the largest angle between normals of one surface, a sixth of a turn.
+const LEAST_AGREEMENT: f32 = 0.5;
+
+/// Part of its radius that a point of a thin rim keeps at least. Even points close at 0.58 of it; more stands out like petals.
+const SHARE_OF_RIM: f32 = 0.75;
+
 /// Spacing at a point.
 #[derive(Debug, Clone, Copy, Default)]
 struct PointSpacing {
@@ -111,14 +127,15 @@ impl NearestPoints {
 /// For each of `points`, in tree order, a radius: the distance to its sixth nearest other place; to the farthest one if there
 /// are fewer places, 0 if there is none; less where a point stands apart ([`MOST_OF_NEIGHBORS`]). Where its neighbors make no
 /// surface it is less too ([`plane_of`]), at most the median of those around and little more than that of all with a surface
-/// ([`MOST_OF_SURFACE`]). With `with_normals` the normals of their planes, too.
+/// ([`MOST_OF_SURFACE`]). A thin rim looks scattered, too: a given normal that agrees with those of half of its neighbors is one
+/// of a surface. The normals of their planes where they are wanted.
 ///
 /// Deterministic. About O(n log n) also for coincident points. `stop` ends it early with zeros; `done` hears of numbers of
 /// finished points.
 pub(super) fn measure(
     shape: &TreeShape,
     points: &[Vec3],
-    with_normals: bool,
+    cloud_normals: CloudNormals<'_>,
     (stop, done): (&AtomicBool, &(dyn Fn(u64) + Sync)),
 ) -> CloudSpacing {
     let boxes = boxes(shape, points);
@@ -126,7 +143,12 @@ pub(super) fn measure(
         shape,
         points,
         boxes: &boxes,
+        given: match cloud_normals {
+            CloudNormals::Given(normals) => normals,
+            CloudNormals::Wanted | CloudNormals::Unwanted => &[],
+        },
     };
+    let with_normals = matches!(cloud_normals, CloudNormals::Wanted);
     let mut spacings = vec![PointSpacing::default(); points.len()];
     let mut normals = vec![Vec3::ZERO; if with_normals { points.len() } else { 0 }];
     let chunk = (points.len() / 2048).max(4096);
@@ -230,6 +252,8 @@ struct SpacingSearch<'a> {
     shape: &'a TreeShape,
     points: &'a [Vec3],
     boxes: &'a [Vec<SpacingBounds>],
+    /// Normals from the file, or none.
+    given: &'a [Vec3],
 }
 
 impl SpacingSearch<'_> {
@@ -276,14 +300,30 @@ impl SpacingSearch<'_> {
     fn spacing(&self, index: u32) -> (PointSpacing, NeighborPlane) {
         let nearest = self.nearest(index);
         let around = nearest.found[..nearest.count].iter();
-        let plane = plane_of(around.map(|&(_, p)| p - nearest.at));
+        let mut plane = plane_of(around.map(|&(_, p)| p - nearest.at));
+        let is_rim = plane.share < 1.0 && self.agrees_with(&nearest, index);
+        if is_rim {
+            plane.share = plane.share.max(SHARE_OF_RIM);
+        }
         let counted = &nearest.found[..nearest.count.min(NEIGHBORS)];
         let farthest = counted.last().map_or(0.0, |own| own.0);
         let spacing = PointSpacing {
             radius: farthest.sqrt() * plane.share,
-            is_scattered: plane.share < 1.0,
+            is_scattered: plane.share < 1.0 && !is_rim,
         };
         (spacing, plane)
+    }
+
+    /// Whether the given normal of a point agrees with those of half of its neighbors.
+    fn agrees_with(&self, nearest: &NearestPoints, index: u32) -> bool {
+        let Some(own) = self.given.get(index as usize) else {
+            return false;
+        };
+        let around = &nearest.indices[..nearest.count];
+        let agree = around
+            .iter()
+            .filter(|&&i| self.given[i as usize].dot(*own) > LEAST_AGREEMENT);
+        agree.count() * 2 >= nearest.count
     }
 
     fn nearest(&self, index: u32) -> NearestPoints {
@@ -338,7 +378,13 @@ mod tests {
 
     fn measured(count: u32, points: &[Vec3]) -> Vec<f32> {
         let shape = TreeShape::new(count);
-        measure(&shape, points, false, (&AtomicBool::new(false), &|_| {})).radii
+        measure(
+            &shape,
+            points,
+            CloudNormals::Unwanted,
+            (&AtomicBool::new(false), &|_| {}),
+        )
+        .radii
     }
 
     /// Distance to the sixth nearest other place, or to the farthest.
@@ -395,6 +441,47 @@ mod tests {
             own.radius.min(most)
         } else {
             own.radius
+        }
+    }
+
+    #[test]
+    fn given_normals_tell_a_thin_rod_from_dust() {
+        // Eight around, as far apart along: twelve neighbors reach around half of it.
+        let at = |i: usize| {
+            let turn = (i % 8) as f32 * std::f32::consts::FRAC_PI_4;
+            Vec3::new(turn.cos(), turn.sin(), (i / 8) as f32 * 0.765)
+        };
+        let points: Vec<Vec3> = (0..320).map(at).collect();
+        let outward: Vec<Vec3> = points.iter().map(|p| p.with_z(0.0).normalize()).collect();
+        let shape = TreeShape::new(320);
+        let radii = |cloud_normals| {
+            measure(
+                &shape,
+                &points,
+                cloud_normals,
+                (&AtomicBool::new(false), &|_| {}),
+            )
+            .radii
+        };
+        let given = radii(CloudNormals::Given(&outward));
+        for (index, radius) in given.iter().enumerate().take(304).skip(16) {
+            assert_eq!(
+                *radius,
+                SHARE_OF_RIM * sixth(&points, index),
+                "point {index}"
+            );
+        }
+        // Normals that do not agree are no sign of a surface.
+        let torn: Vec<Vec3> = (0..320)
+            .map(|i| if i % 2 == 0 { Vec3::X } else { Vec3::Z })
+            .collect();
+        for radii in [
+            radii(CloudNormals::Unwanted),
+            radii(CloudNormals::Given(&torn)),
+        ] {
+            let shares = radii.iter().zip(&given).map(|(own, given)| own / given);
+            let least = shares.clone().fold(1.0, f32::min);
+            assert!(shares.filter(|share| *share < 0.9).count() > 280, "{least}");
         }
     }
 
