@@ -91,12 +91,14 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
     vec2 scale = frame.ray_scale;
     bool is_orthographic = has_flag(FLAG_ORTHOGRAPHIC);
     float distance = is_orthographic ? 1.0 : -center.z;
-    if (!is_orthographic && distance <= NEAR_RADII * radius) {
-        // It may reach behind the eye, where the plane has no picture: a circle that faces the viewer.
-        float extent = radius * frame.focal_px / distance;
+    // The near plane in view space, from the projection: depth 1 there.
+    float near = frame.clip_from_view[3][2] / (1.0 + frame.clip_from_view[2][2]);
+    vec3 n = footprint_normal(normal, to_eye(center), thickness);
+    if (!is_orthographic && distance - radius * length(n.xy) <= near) {
+        // Its plane may reach behind the eye, where it has no picture: a circle that faces the viewer.
+        float extent = radius * frame.focal_px / max(distance, near);
         disc.form = vec3(1.0, 0.0, 1.0) / (extent * extent);
     } else {
-        vec3 n = footprint_normal(normal, to_eye(center), thickness);
         // Along the ray it is higher, at most a radius.
         float height = radius * min(DOME_HEIGHT / dot(n, to_eye(center)), 1.0);
         vec3 x;

@@ -23,9 +23,6 @@ const float DOME_HEIGHT = 0.25;
 // at least, so that no splat vanishes.
 const float LEAST_ROUND_PX = 1.41421356;
 
-// A disc not further from the eye than so many of its radii is a circle that faces the viewer.
-const float NEAR_RADII = 1.125;
-
 // A smaller disc has the depth of its center in all of its pixels: nobody sees where planes meet there, and what is nearest
 // would change with every move of the camera. It is no dome either.
 const float LEAST_LEANING_PX = 3.0;

@@ -27,9 +27,6 @@ use crate::tree::Model;
 use bytemuck::Zeroable;
 use glam::{Mat4, Vec3, Vec4};
 
-/// A disc not further from the eye than so many of its radii is a circle that faces the viewer.
-const NEAR_RADII: f32 = 1.125;
-
 /// Smallest ratio of the axes of a footprint, and least cosine by which depth offsets are divided.
 const LEAST_RATIO: f32 = 0.1;
 /// The least cosine under which a patch is taken to be seen.
@@ -216,6 +213,7 @@ struct FuzzyEye<'a> {
     model_scale: Vec4,
     /// Half the side of splats without a radius of their own, at distance 1.
     half_size: Vec4,
+    near: Vec4,
     depth_offset: Vec4,
     lamp: Option<(Phong, LampSource)>,
     sphere: Option<SphereLights>,
@@ -251,6 +249,7 @@ impl<'a> FuzzyEye<'a> {
             focal_px: Vec4::splat(view.focal_px()),
             model_scale: Vec4::splat(view.model_scale),
             half_size: Vec4::splat(0.5 * plan.threshold_px.max(1.0) / view.focal_px()),
+            near: Vec4::splat(view.near),
             depth_offset: Vec4::splat(look.depth_offset),
             lamp: match look.light {
                 SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => None,
@@ -330,10 +329,11 @@ impl<'a> FuzzyEye<'a> {
             Footprint::Oriented => {
                 let tilted = tilted(&normal, &eye, signed, thickness);
                 let ellipse = self.ellipse(&at, &tilted, radius * inverse_distance);
-                // It may reach behind the eye, where the plane has no picture: a circle that faces the viewer.
-                let is_near = distance.cmple(radius * NEAR_RADII);
+                // Its plane may reach behind the eye, where it has no picture: a circle that faces the viewer.
+                let across = (tilted[0] * tilted[0] + tilted[1] * tilted[1]).sqrt();
+                let is_near = (distance - radius * across).cmple(self.near);
                 if self.is_perspective && is_near.any() {
-                    let extent = radius * self.focal_px / distance;
+                    let extent = radius * self.focal_px / distance.max(self.near);
                     let circle = [extent * extent, zero, extent * extent];
                     let or = |a: Vec4, b: Vec4| Vec4::select(is_near, a, b);
                     let (inverse, skew) = ellipse;

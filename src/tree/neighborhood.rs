@@ -23,6 +23,8 @@ pub(super) struct NeighborPlane {
     /// Which part of the distance that closes a surface the point's radius is: 1 where its neighbors lie about in a plane, a
     /// third where they lie on a line or all around it; between, it falls evenly. 1 for fewer than three.
     pub(super) share: f32,
+    /// They lie on a line rather than all around.
+    pub(super) is_line: bool,
     /// Normal of the plane through them, either way around: the direction of least variance. Zero where they make no surface.
     pub(super) normal: Vec3,
 }
@@ -30,6 +32,7 @@ pub(super) struct NeighborPlane {
 impl NeighborPlane {
     const UNKNOWN: Self = Self {
         share: 1.0,
+        is_line: false,
         normal: Vec3::ZERO,
     };
 }
@@ -63,9 +66,11 @@ pub(super) fn plane_of(neighbors: impl Iterator<Item = Vec3> + Clone) -> Neighbo
         return NeighborPlane::UNKNOWN;
     }
     let past = |value: f64, [from, to]: [f64; 2]| ((value - from) / (to - from)).clamp(0.0, 1.0);
-    let lost = past(s3 / s1, SCATTERED).max(past((s1 - s2) / s1, LINEAR)) as f32;
+    let (scattered, linear) = (past(s3 / s1, SCATTERED), past((s1 - s2) / s1, LINEAR));
+    let lost = scattered.max(linear) as f32;
     NeighborPlane {
         share: 1.0 - (1.0 - LEAST) * lost,
+        is_line: linear > scattered,
         normal: match lost < 1.0 {
             true => eigenvector(sums, values[2]),
             false => Vec3::ZERO,

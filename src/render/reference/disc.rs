@@ -28,9 +28,6 @@ const LEAST_ROUND_PX: f64 = std::f64::consts::SQRT_2;
 /// nearest would change with every move of the camera.
 const LEAST_LEANING_PX: f64 = 3.0;
 
-/// A disc not further from the eye than so many of its radii might reach behind it, where its plane has no picture.
-const NEAR_RADII: f64 = 1.125;
-
 /// Height of the dome that an opaque splat is, along its normal and over its radius: its rim lies so much behind its plane, what is
 /// between them by the square of the distance from the center.
 const DOME_HEIGHT: f64 = 0.25;
@@ -164,8 +161,8 @@ pub(super) fn thickness_of([.., alpha]: [u8; 4]) -> f64 {
 }
 
 impl DiscFootprint {
-    /// The footprint of a patch; `None` when it covers no pixel of the picture. Where the patch nearly
-    /// reaches the eye it is a circle of the radius that a facing disc would have in the middle of the picture.
+    /// The footprint of a patch; `None` when it covers no pixel of the picture. Where its plane
+    /// reaches the near plane it is a circle of the radius that a facing disc would have in the middle of the picture.
     ///
     /// `low_pass_px` widens it by a Gaussian of that standard deviation, where rho = 1 stands for two of them.
     pub(super) fn new(
@@ -189,8 +186,10 @@ impl DiscFootprint {
         let view = frame.view;
         let center = patch.center.as_dvec3();
         let distance = if view.is_perspective { -center.z } else { 1.0 };
-        if view.is_perspective && distance <= NEAR_RADII * patch.radius {
-            let radius_px = patch.radius * f64::from(view.focal_px()) / distance;
+        let near = f64::from(view.near);
+        let normal = footprint_normal(patch, view.is_perspective);
+        if view.is_perspective && distance - patch.radius * normal.truncate().length() <= near {
+            let radius_px = patch.radius * f64::from(view.focal_px()) / distance.max(near);
             let form = DVec3::new(1.0, 0.0, 1.0) / (radius_px * radius_px);
             return Some(UnboundedDisc::of_form(
                 center,
@@ -199,7 +198,6 @@ impl DiscFootprint {
                 low_pass_px,
             ));
         }
-        let normal = footprint_normal(patch, view.is_perspective);
         let ray = rays(frame);
         let plane = DiscShape::Plane {
             center,

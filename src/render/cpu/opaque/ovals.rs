@@ -10,9 +10,6 @@ type Numbers<S> = <S as Simd>::f32s;
 /// Smallest ratio of the axes of a footprint: at a rim normals are unsure, and a line would leave holes.
 const LEAST_RATIO: f32 = 0.1;
 
-/// A disc not further from the eye than so many of its radii is a circle that faces the viewer.
-const NEAR_RADII: f32 = 1.125;
-
 /// Height of the dome that an opaque splat is, over its radius; see `shaders/common/form.glsl`.
 const DOME_HEIGHT: f32 = 0.25;
 
@@ -23,6 +20,8 @@ pub(super) struct OvalScreen {
     view: [[f32; 4]; 3],
     ray_scale: [f32; 2],
     is_orthographic: bool,
+    /// Distance of the near plane.
+    near: f32,
     /// Reversed depth is the second over the distance less the first; without perspective the second less the first times the
     /// distance.
     depth: [f32; 2],
@@ -35,6 +34,7 @@ impl OvalScreen {
             view: [0, 1, 2].map(|row: usize| [0, 1, 2, 3].map(|column: usize| view[column][row])),
             ray_scale: frame.ray_scale,
             is_orthographic: frame.flags & FLAG_ORTHOGRAPHIC != 0,
+            near: clip[3][2] / (1.0 + clip[2][2]),
             depth: [clip[2][2], clip[3][2]],
         }
     }
@@ -164,12 +164,15 @@ impl OvalScreen {
             (one - along[1] * slope[1]) * scale[1],
             depth * slope[1] * scale[1],
         ];
-        // What may reach behind the eye, where the plane has no picture, is a circle that faces the viewer.
+        // What reaches the near plane and may reach behind the eye, where the plane has no picture, is a circle that faces the viewer.
         let is_near = match self.is_orthographic {
             true => zero.simd_gt(one),
-            false => distance.simd_le(radius * NEAR_RADII),
+            false => {
+                let reach = (normal[0] * normal[0] + normal[1] * normal[1]).sqrt() * radius;
+                (distance - reach).simd_le(number(self.near))
+            }
         };
-        let extent = radius * focal_px / distance;
+        let extent = radius * focal_px / distance.max(number(self.near));
         let circle = one / (extent * extent);
         let skewed = match self.is_orthographic {
             true => [zero; 2],

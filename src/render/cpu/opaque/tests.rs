@@ -463,7 +463,7 @@ fn ovals_cover_what_rays_meet() {
         splat.normal = octahedral::encode(Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5));
         splat.radius = 0.02 + 0.3 * next().powi(2);
         splat.color[3] = if next() < 0.5 { 255 } else { 120 };
-        // What nearly reaches the eye is a circle; what is smaller than a pixel and a half a square.
+        // What reaches the near plane is a circle; what is smaller than a pixel and a half a square.
         let distance = 3.0 - splat.center.z;
         if distance - splat.radius <= 0.5 || splat.radius * 0.1 * screen.focal_px < distance {
             continue;

@@ -142,25 +142,32 @@ fn a_disc_smaller_than_a_pixel_is_the_pixel_of_its_center() {
     }
 }
 
-/// Near the eye a plane may have no picture; the circle takes its place, with the same size at the border.
+/// Near the eye a plane may have no picture; the circle takes its place, with the same size at the border. A disc that faces the
+/// viewer may be as near as it likes.
 #[test]
-fn a_disc_that_nearly_reaches_the_eye_faces_the_viewer() {
+fn a_disc_at_the_near_plane_faces_the_viewer() {
     let view = perspective(200);
     let style = PrimitiveStyle::default();
     let frame = ReferenceFrame::new(&view, &style);
-    let at = |distance: f32| {
-        let center = Vec3::new(0.7 * distance, 0.0, -distance);
-        let own = patch(center, DVec3::X, 1.0, 0.0);
+    let disc = |normal: DVec3| {
+        let own = patch(Vec3::new(0.0, 0.0, -0.12), normal, 0.05, 0.0);
         DiscFootprint::new(&frame, &own, 0.0).unwrap()
     };
-    let radius_px = f64::from(view.focal_px()) / 1.12;
-    let middle_px = 100.0 + 0.7 * f64::from(view.focal_px());
-    let disc = at(1.12);
-    for x in 0..200 {
-        let is_within = middle_px - f64::from(x) - 0.5 < radius_px;
-        assert_eq!(disc.sample(x, 100).is_some(), is_within, "column {x}");
+    let radius_px = f64::from(view.focal_px()) * 0.05 / 0.12;
+    let expected = std::f64::consts::PI * radius_px * radius_px;
+    for normal in [DVec3::X, DVec3::new(0.5, 0.0, 0.8)] {
+        let own = disc(normal);
+        assert!(matches!(own.shape, DiscShape::Form { .. }));
+        let area = area(&own);
+        assert!(
+            (area - expected).abs() < 0.03 * expected,
+            "{area} {expected}"
+        );
     }
-    assert!(matches!(at(1.13).shape, DiscShape::Plane { .. }));
+    assert!(matches!(
+        disc(DVec3::new(0.3, 0.0, 0.9)).shape,
+        DiscShape::Plane { .. }
+    ));
 }
 
 /// Of two discs that touch a ball each shows its middle, and they meet about half way.
