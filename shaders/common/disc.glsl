@@ -94,7 +94,8 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
     // The near plane in view space, from the projection: depth 1 there.
     float near = frame.clip_from_view[3][2] / (1.0 + frame.clip_from_view[2][2]);
     vec3 n = footprint_normal(normal, to_eye(center), thickness);
-    if (!is_orthographic && distance - radius * length(n.xy) <= near) {
+    float nearest = distance - radius * length(n.xy);
+    if (!is_orthographic && nearest <= near) {
         // Its plane may reach behind the eye, where it has no picture: a circle that faces the viewer.
         float extent = radius * frame.focal_px / max(distance, near);
         disc.form = vec3(1.0, 0.0, 1.0) / (extent * extent);
@@ -118,8 +119,8 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
             float over = frame.clip_from_view[3][2] / distance;
             disc.lean = disc.skew * over;
             // A way s further along the ray costs s over the square of the distance, and that is where the form has its own
-            // square. One nearer than three radii stays flat: its dome might end behind everything.
-            disc.dome = distance >= 3.0 * radius ? over * (height / distance) : 0.0;
+            // square. Half of the nearest distance at most, lest depth ends behind everything.
+            disc.dome = over * (min(height, 0.5 * nearest) / distance);
         }
         x *= scale.x * distance / radius;
         y *= scale.y * distance / radius;

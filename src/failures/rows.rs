@@ -71,6 +71,10 @@ const fn bound(
     }
 }
 
+/// What the near plane cuts of a surface.
+const BEFORE_NEAR: &str =
+    "splats whose center is before the near plane are left out: half a splat beside the cut";
+
 /// `pop` with every kind of splat.
 const SPLATS: &str = "pop|disc|ellipse|gauss|visibility|filtered";
 const WHOLE: &str =
@@ -212,7 +216,8 @@ pub static ROWS: &[FailureRow] = &[
     row("coincident-vertices", "pop|disc|ellipse|gauss|visibility", Extra, [0.0; 2], "what has no area is left out"),
     row("beside-view", "disc", Covered, [0.0, 600.0], "the part of the disc that is inside, less than that of the square"),
     row("near-points", "pop|disc|ellipse|gauss|visibility|filtered|splats-filtered", Covered, [57_600.0; 2], "the whole picture, above the device's largest point too"),
-    row("near-points", "pop|disc|ellipse", Center(0), [37.0, 39.0], "of equals the first drawn wins: the first point, 0.8 of 55 under the angle to its center"),
+    row("near-points", "ellipse", Center(0), [113.0, 115.0], "of domes each shows its middle: 0.8 of 155 under the angle to its center"),
+    row("near-points", "pop|disc", Center(0), [37.0, 39.0], "of equals the first drawn wins: the first point, 0.8 of 55 under the angle to its center"),
     row("inside", "triangles|pop|disc|ellipse|gauss|visibility|filtered", Covered, [57_600.0; 2], "a closed surface around the eye is not culled"),
 
     // Limits: what breaks a rule, how far, and why.
@@ -289,6 +294,8 @@ pub static ROWS: &[FailureRow] = &[
     row("duplicate-points", "points", Center(1), [0.0; 2], SPARSE),
     row("duplicate-points", "points", Center(2), [0.0; 2], SPARSE),
     row("near-points", "points", Covered, [9.0; 2], "nine pixels: vertices farther apart than the square leave holes"),
+    row("near-plane", "splats-ellipse|splats-gauss|splats-visibility", Missing, [0.0, 1200.0], BEFORE_NEAR),
+    row("near-plane", "splats-ellipse|splats-gauss|splats-visibility", Lost, [0.0, 600.0], BEFORE_NEAR),
     row("near-plane", "points", Missing, [11_000.0, 19_000.0], SPARSE),
     row("near-plane", "points", Holes, [15.0, 60.0], SPARSE),
     row("near-plane", "points", Lost, [8500.0, 14_500.0], SPARSE),

@@ -278,13 +278,12 @@ impl DiscFootprint {
                 } else {
                     DVec3::Z
                 });
-                let height = rho_squared * radius * (DOME_HEIGHT / facing).min(1.0);
-                // In perspective it is 1 / distance that sinks, and a disc nearer than three radii stays flat: it might end behind
-                // everything.
+                let height = radius * (DOME_HEIGHT / facing).min(1.0);
+                // In perspective it is 1 / distance that sinks, to half of the least of the plane at most, lest it ends behind everything.
+                let nearest = -center.z - radius * normal.truncate().length();
                 let of_dome = match *is_perspective {
-                    true if -center.z < 3.0 * radius => of_plane,
-                    true => of_plane / (1.0 - height / of_plane),
-                    false => of_plane + height,
+                    true => of_plane / (1.0 - height.min(0.5 * nearest) * rho_squared / of_plane),
+                    false => of_plane + height * rho_squared,
                 };
                 distance = self.is_leaning.then_some(of_dome as f32);
                 rho_squared

@@ -165,12 +165,10 @@ impl OvalScreen {
             depth * slope[1] * scale[1],
         ];
         // What reaches the near plane and may reach behind the eye, where the plane has no picture, is a circle that faces the viewer.
+        let nearest = distance - (normal[0] * normal[0] + normal[1] * normal[1]).sqrt() * radius;
         let is_near = match self.is_orthographic {
             true => zero.simd_gt(one),
-            false => {
-                let reach = (normal[0] * normal[0] + normal[1] * normal[1]).sqrt() * radius;
-                (distance - reach).simd_le(number(self.near))
-            }
+            false => nearest.simd_le(number(self.near)),
         };
         let extent = radius * focal_px / distance.max(number(self.near));
         let circle = one / (extent * extent);
@@ -202,10 +200,10 @@ impl OvalScreen {
         let height = radius * height.min(one);
         let dome = match self.is_orthographic {
             true => height * per_distance,
+            // Half of the nearest distance at most, lest depth ends behind everything.
             false => {
-                let own = height * over_distance / (distance * distance);
-                // What is nearer than three radii stays flat.
-                distance.simd_ge(radius * 3.0).select(own, zero)
+                let own = height.min(nearest * 0.5) * over_distance / (distance * distance);
+                is_near.select(zero, own)
             }
         };
         let determinant = form[0] * form[2] - form[1] * form[1];

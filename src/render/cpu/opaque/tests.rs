@@ -441,10 +441,9 @@ fn seen_of_disc(splat: &Splat, [x, y]: [u32; 2], [width, height]: [f64; 2]) -> [
             let met = along * ray;
             let squared = met.distance_squared(center) / f64::from(splat.radius).powi(2);
             let radius = f64::from(splat.radius);
-            let dome = match -center.z >= 3.0 * radius {
-                true => radius * (0.25 / ratio).min(1.0) * squared / -met.z,
-                false => 0.0,
-            };
+            let reach = radius * tilted.truncate().length();
+            let height = (radius * (0.25 / ratio).min(1.0)).min(0.5 * (-center.z - reach));
+            let dome = height * squared / -met.z;
             [squared, (0.5 / -met.z * (1.0 - dome)).min(1.0)]
         }
         false => [f64::INFINITY, 0.0],
