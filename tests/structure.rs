@@ -166,7 +166,16 @@ const LAYERS: &[Layer] = &[
     layer(
         "open",
         &[
-            "progress", "math", "mesh", "input", "generate", "scenes", "tree", "pages", "error",
+            "progress",
+            "math",
+            "printable",
+            "mesh",
+            "input",
+            "generate",
+            "scenes",
+            "tree",
+            "pages",
+            "error",
         ],
     ),
     layer(

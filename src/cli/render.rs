@@ -72,6 +72,11 @@ impl DeviceArgs {
         }
     }
 
+    /// Tells whether the processor's own renderer is asked for by name.
+    pub(crate) fn is_cpu(&self) -> bool {
+        self.backend == BackendChoice::Cpu || self.device.as_deref() == Some(Backend::CPU)
+    }
+
     /// The backend of a window's frames.
     #[cfg(feature = "viewer")]
     pub(crate) fn window_backend(&self) -> Result<WindowBackend, CommandFailure> {
@@ -366,15 +371,8 @@ impl RenderArgs {
         if let Some(path) = &self.output {
             match (picture, ending(path).as_str()) {
                 _ if path == Path::new("-") => print_bytes(&picture.png(has_alpha)?)?,
-                (RenderedPicture::Single(image), "png") if has_alpha => {
-                    image.save_transparent_png(&name(path))?;
-                }
-                (RenderedPicture::Mean(mean), "png") if has_alpha => {
-                    mean.save_transparent_png(&name(path))?;
-                }
-                (RenderedPicture::Single(image), "png") => image.save_png(&name(path))?,
+                (_, "png") => picture.save_png(&name(path), has_alpha)?,
                 (RenderedPicture::Single(image), _) => image.save_exr(&name(path))?,
-                (RenderedPicture::Mean(mean), "png") => mean.to_image().save_png(&name(path))?,
                 (RenderedPicture::Mean(mean), _) => mean.save_exr(&name(path))?,
             }
         }

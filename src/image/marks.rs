@@ -115,7 +115,7 @@ impl BarLength {
 impl PictureMarks {
     /// Marks of a view. The bar has its length where a point of the world, relative to model space, lies.
     pub fn new(view: &View, choice: MarkChoice, center: Vec3, unit: Option<&str>) -> Self {
-        let size = (view.width.min(view.height) / USUAL_SIDE_PX).max(1);
+        let size = Self::size_of(view.width, view.height);
         let mut marks = Self {
             size,
             ..Self::default()
@@ -129,6 +129,11 @@ impl PictureMarks {
             marks.add_axes(view);
         }
         marks
+    }
+
+    /// Finds how many times larger marks of a picture are than those of a small one.
+    pub(super) fn size_of(width: u32, height: u32) -> u32 {
+        (width.min(height) / USUAL_SIDE_PX).max(1)
     }
 
     fn add_bar(&mut self, view: &View, bar: &BarLength, words: &str) {
