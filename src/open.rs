@@ -8,7 +8,7 @@
 pub mod cross_section;
 pub mod export;
 pub mod file_place;
-mod keep;
+pub(crate) mod keep;
 mod paged;
 mod stream;
 mod surface_section;

@@ -13,6 +13,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::image::{MarkedLines, PictureMarks, ruler_margins};
+use surfel::input::legend_of;
 use surfel::math::section_line::{SectionFrame, SectionLine};
 use surfel::math::up_axis::UpAxis;
 use surfel::open::cross_section::{ModelSection, SectionedModel, write_csv, write_csv_file};
@@ -256,7 +257,13 @@ impl CrossSectionArgs {
                 .collect(),
             places: Vec::new(),
         });
-        picture.mark(&PictureMarks::of_section(line, &frame));
+        let mut marks = PictureMarks::of_section(line, &frame);
+        let mut legends = models.iter().map(|(opened, _)| legend_of(&opened.warnings));
+        if let Some(legend) = legends.find_map(|legend| legend) {
+            // Beside the ruler of heights.
+            marks.add_legend(legend, frame.margins.left as f32);
+        }
+        picture.mark(&marks);
         validated(&backend)?;
         Ok(picture)
     }

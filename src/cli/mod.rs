@@ -240,7 +240,7 @@ enum ProgramCommand {
     Photos(Box<photos::PhotosArgs>),
     /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
     Stability(stability::StabilityArgs),
-    /// Measure time and error of every method, splat and threshold, and draw them as a chart
+    /// Measure time and error of every method, splat and threshold, as a chart and a page
     Chart(Box<chart::ChartArgs>),
     /// Measure every figure that the program has to reach, with pass or miss
     Bench(bench::BenchArgs),

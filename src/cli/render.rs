@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
-use surfel::image::{MarkedLines, PictureMarks};
+use surfel::image::MarkedLines;
 use surfel::math::measured_line::MeasureList;
 use surfel::mesh::placement::MeshPlacement;
 use surfel::pack::ColorBy;
@@ -422,6 +422,7 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
     }
     args.look.background.may_be_transparent = true;
     args.color.by = args.look.take_point_color();
+    args.marks.check(args.color.by.is_some())?;
     let mut settings = args.look.settings_to_choose()?;
     if args.samples.is_some_and(|samples| samples > 1) && settings.color_by == ColorBy::Overdraw {
         return Err(usage(
@@ -574,7 +575,7 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
             }
             let center = (sphere.center - ready.model.origin).as_vec3();
             let unit = ready.format.unit().filter(|_| others.is_empty());
-            let marks = PictureMarks::new(view, args.marks.choice(), center, unit);
+            let marks = args.marks.of_view(view, center, unit, &ready.warnings);
             picture.mark(&marks);
             args.write_picture(&picture, index as u32)?;
         }

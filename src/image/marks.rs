@@ -14,7 +14,7 @@ const LONGEST_BAR: f64 = 0.25;
 const MARGIN_PX: f32 = 16.0;
 const AXIS_PX: f32 = 36.0;
 /// Height and width of a character, pixels.
-const CHARACTER_PX: [f32; 2] = [9.0, 15.0];
+pub(super) const CHARACTER_PX: [f32; 2] = [9.0, 15.0];
 /// Shorter side of a picture whose marks have these sizes; larger ones have larger marks.
 const USUAL_SIDE_PX: u32 = 600;
 

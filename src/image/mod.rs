@@ -8,6 +8,7 @@ mod accumulate;
 mod channels;
 mod compare;
 mod file;
+mod legend;
 mod lines;
 mod marks;
 mod read;
