@@ -34,7 +34,7 @@ impl ViewerApp {
         let models = self.screen.models();
         let part = picked.part.unwrap_or(0);
         let model = models.get(part)?;
-        let attributes = self.attributes.get(part);
+        let attributes = self.attributes.get(part).map(AsRef::as_ref);
         // Places on surfaces, and of the picture alone, are on no grid.
         let attributes = attributes.filter(|_| picked.part.is_some() && model.kind().is_points());
         let attributes = attributes.unwrap_or(&NOTHING);
