@@ -5,14 +5,17 @@
 //! tree file is read as it is, of a `.qs` file the leaves, anything else goes to [`input`] and then to [`tree::build`]. Nothing is printed: what was
 //! repaired or left out comes back as [`OpenedModel::warnings`], what is wrong as one [`Error`].
 
+pub mod cross_section;
 pub mod export;
-mod keep;
+pub mod file_place;
+pub(crate) mod keep;
 mod paged;
 mod stream;
+mod surface_section;
 #[cfg(test)]
 mod tests;
 
-use paged::{read_address, read_pages};
+use paged::{is_address, read_address, read_pages};
 pub use stream::{OpenedStream, external_options, open_stream};
 
 use crate::Error;
@@ -110,16 +113,6 @@ impl ModelSource {
             Ok(file())
         }
     }
-}
-
-/// Tells whether a name is an address: a scheme, `://` and more.
-fn is_address(name: &str) -> bool {
-    name.split_once("://").is_some_and(|(scheme, _)| {
-        scheme.starts_with(|c: char| c.is_ascii_alphabetic())
-            && scheme
-                .chars()
-                .all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
-    })
 }
 
 /// Format that a model was read as.
@@ -306,6 +299,10 @@ pub fn open_with_preview(
     })?;
     let load_ms = milliseconds_since(start);
     let mut attributes = found.attributes;
+    if options.placement.transform.is_some() {
+        // Places that were moved are on no grid of the file.
+        attributes.grid = None;
+    }
     let estimates = options.tree.point_normals == PointNormals::Estimate;
     let mut has_estimated_normals = false;
     let (model, build_ms) = match content {

@@ -1,5 +1,7 @@
 //! How long work tells how far it is, and learns that it should stop.
 
+use glam::DVec3;
+
 /// Receives the progress of long work and can cancel it.
 ///
 /// Implementations must be cheap: workers call [`advance`](Progress::advance) a few thousand times at most
@@ -13,6 +15,21 @@ pub trait Progress: Sync {
     fn is_cancelled(&self) -> bool {
         false
     }
+    /// Tells whether a coarse sample of points is wanted long before all are read.
+    fn wants_sample(&self) -> bool {
+        false
+    }
+    /// Takes such a sample, once.
+    fn sample(&self, _sample: PointSample) {}
+}
+
+/// A few points of a file, from all over it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointSample {
+    /// Places in the coordinates of the file.
+    pub places: Vec<DVec3>,
+    /// Red, green, blue and 255 of each; none where the file has no colors.
+    pub colors: Vec<[u8; 4]>,
 }
 
 /// Reports nothing and never cancels.

@@ -58,7 +58,7 @@ const LAYERS: &[Layer] = &[
     ),
     // Splats from vertices, cut at edges: polygons of a mesh, without a tree.
     layer("oriented", &["progress", "math", "mesh", "abi", "pack"]),
-    layer("image", &["math", "textures"]),
+    layer("image", &["math", "mesh", "textures"]),
     // Records of nodes as oriented polygons, the cut by their errors, and an exact picture of it.
     layer(
         "patches",
@@ -166,7 +166,16 @@ const LAYERS: &[Layer] = &[
     layer(
         "open",
         &[
-            "progress", "math", "mesh", "input", "generate", "scenes", "tree", "pages", "error",
+            "progress",
+            "math",
+            "printable",
+            "mesh",
+            "input",
+            "generate",
+            "scenes",
+            "tree",
+            "pages",
+            "error",
         ],
     ),
     layer(

@@ -10,6 +10,8 @@ mod display;
 mod docked;
 #[path = "viewer/files.rs"]
 mod files;
+#[path = "viewer/kept.rs"]
+mod kept;
 #[path = "viewer/light.rs"]
 mod light;
 #[path = "viewer/measure.rs"]

@@ -351,6 +351,17 @@ impl LookArgs {
         }
     }
 
+    /// Tells whether neither a method nor a splat is named, as far as that can be told.
+    pub(crate) fn has_usual_shapes(&self) -> bool {
+        self.method == MethodName::Pop && self.splat.is_none()
+    }
+
+    /// Draws points as dots of this size, unless a size is given.
+    pub(crate) fn default_dots(&mut self, pixels: f32) {
+        self.method = MethodName::Points;
+        self.default_threshold(pixels);
+    }
+
     /// Tells whether a splat is named.
     #[cfg(feature = "viewer")]
     pub(crate) fn names_splat(&self) -> bool {

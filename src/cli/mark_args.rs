@@ -1,7 +1,11 @@
 //! The options that put marks over pictures.
 
+use super::{Outcome, usage};
 use clap::Args as ClapArgs;
-use surfel::image::MarkChoice;
+use glam::Vec3;
+use surfel::image::{MarkChoice, PictureMarks};
+use surfel::input::{ReadWarning, legend_of};
+use surfel::math::camera::View;
 
 /// Marks over pictures.
 #[derive(Debug, Clone, ClapArgs)]
@@ -13,6 +17,9 @@ pub(crate) struct MarkArgs {
     /// Show the directions of the axes x, y and z
     #[arg(long)]
     axes: bool,
+    /// Show what colors mean, with --color-by height or an attribute of the points; the window always does
+    #[arg(long)]
+    legend: bool,
 }
 
 impl MarkArgs {
@@ -21,5 +28,30 @@ impl MarkArgs {
             scale_bar: self.scale_bar,
             axes: self.axes,
         }
+    }
+
+    /// Refuses a legend of colors that stand for nothing.
+    pub(crate) fn check(&self, has_legend: bool) -> Outcome {
+        match self.legend && !has_legend {
+            true => Err(usage(
+                "--legend goes with --color-by height or an attribute of the points",
+            )),
+            false => Ok(()),
+        }
+    }
+
+    /// Marks of a view, the bar as long as at `center`, for a model that was read with these remarks.
+    pub(crate) fn of_view(
+        &self,
+        view: &View,
+        center: Vec3,
+        unit: Option<&str>,
+        remarks: &[ReadWarning],
+    ) -> PictureMarks {
+        let mut marks = PictureMarks::new(view, self.choice(), center, unit);
+        if let Some(legend) = legend_of(remarks).filter(|_| self.legend) {
+            marks.add_legend(legend, 0.0);
+        }
+        marks
     }
 }

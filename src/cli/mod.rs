@@ -11,6 +11,7 @@ mod check;
 mod color_choice;
 mod compare;
 mod costs;
+mod cross_section;
 mod darkening;
 mod demo;
 mod devices;
@@ -212,6 +213,8 @@ enum ProgramCommand {
     Build(build::BuildArgs),
     /// Write what is kept of a point cloud, with all that its points carry
     Export(export::ExportArgs),
+    /// Cut models upright along a line: a picture and a table of what is there
+    CrossSection(Box<cross_section::CrossSectionArgs>),
     /// Say what is in a model file or a scene of photographs
     Info(info::InfoArgs),
     /// Check a model file and every invariant of its tree
@@ -237,7 +240,7 @@ enum ProgramCommand {
     Photos(Box<photos::PhotosArgs>),
     /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
     Stability(stability::StabilityArgs),
-    /// Measure time and error of every method, splat and threshold, and draw them as a chart
+    /// Measure time and error of every method, splat and threshold, as a chart and a page
     Chart(Box<chart::ChartArgs>),
     /// Measure every figure that the program has to reach, with pass or miss
     Bench(bench::BenchArgs),
@@ -324,6 +327,7 @@ pub(crate) fn main() -> ExitCode {
         Some(ProgramCommand::Render(args)) => render::run(*args, quiet),
         Some(ProgramCommand::Build(args)) => build::run(args, quiet),
         Some(ProgramCommand::Export(args)) => export::run(args, quiet),
+        Some(ProgramCommand::CrossSection(args)) => cross_section::run(*args, quiet),
         Some(ProgramCommand::Info(args)) => info::run(args, quiet),
         Some(ProgramCommand::Check(args)) => check::run(args, quiet),
         Some(ProgramCommand::Generate(args)) => generate::run(args, quiet),

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
-use surfel::image::{MarkedLines, PictureMarks};
+use surfel::image::MarkedLines;
 use surfel::math::measured_line::MeasureList;
 use surfel::mesh::placement::MeshPlacement;
 use surfel::pack::ColorBy;
@@ -70,6 +70,11 @@ impl DeviceArgs {
             validation: self.validate,
             ..GpuOptions::default()
         }
+    }
+
+    /// Tells whether the processor's own renderer is asked for by name.
+    pub(crate) fn is_cpu(&self) -> bool {
+        self.backend == BackendChoice::Cpu || self.device.as_deref() == Some(Backend::CPU)
     }
 
     /// The backend of a window's frames.
@@ -366,15 +371,8 @@ impl RenderArgs {
         if let Some(path) = &self.output {
             match (picture, ending(path).as_str()) {
                 _ if path == Path::new("-") => print_bytes(&picture.png(has_alpha)?)?,
-                (RenderedPicture::Single(image), "png") if has_alpha => {
-                    image.save_transparent_png(&name(path))?;
-                }
-                (RenderedPicture::Mean(mean), "png") if has_alpha => {
-                    mean.save_transparent_png(&name(path))?;
-                }
-                (RenderedPicture::Single(image), "png") => image.save_png(&name(path))?,
+                (_, "png") => picture.save_png(&name(path), has_alpha)?,
                 (RenderedPicture::Single(image), _) => image.save_exr(&name(path))?,
-                (RenderedPicture::Mean(mean), "png") => mean.to_image().save_png(&name(path))?,
                 (RenderedPicture::Mean(mean), _) => mean.save_exr(&name(path))?,
             }
         }
@@ -424,6 +422,7 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
     }
     args.look.background.may_be_transparent = true;
     args.color.by = args.look.take_point_color();
+    args.marks.check(args.color.by.is_some())?;
     let mut settings = args.look.settings_to_choose()?;
     if args.samples.is_some_and(|samples| samples > 1) && settings.color_by == ColorBy::Overdraw {
         return Err(usage(
@@ -576,7 +575,7 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
             }
             let center = (sphere.center - ready.model.origin).as_vec3();
             let unit = ready.format.unit().filter(|_| others.is_empty());
-            let marks = PictureMarks::new(view, args.marks.choice(), center, unit);
+            let marks = args.marks.of_view(view, center, unit, &ready.warnings);
             picture.mark(&marks);
             args.write_picture(&picture, index as u32)?;
         }

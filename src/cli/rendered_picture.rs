@@ -20,6 +20,20 @@ impl RenderedPicture {
         }
     }
 
+    /// Writes a PNG file, with alpha where `has_alpha`.
+    pub(super) fn save_png(
+        &self,
+        path: &Path,
+        has_alpha: bool,
+    ) -> Result<(), surfel::image::Error> {
+        match self {
+            Self::Single(image) if has_alpha => image.save_transparent_png(path),
+            Self::Mean(mean) if has_alpha => mean.save_transparent_png(path),
+            Self::Single(image) => image.save_png(path),
+            Self::Mean(mean) => mean.to_image().save_png(path),
+        }
+    }
+
     /// Draws measured lines over it. Depth, normals and coverage stay as they are.
     pub(super) fn mark_lines(&mut self, marks: &MarkedLines) {
         match self {

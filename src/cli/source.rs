@@ -120,6 +120,13 @@ enum PointNormalsChoice {
 }
 
 impl SurfaceArgs {
+    /// Gives points no normals, so that no light falls on them, unless those of the file are asked for.
+    pub(crate) fn leave_points_unlit(&mut self) {
+        if self.point_normals == PointNormalsChoice::Estimate {
+            self.point_normals = PointNormalsChoice::None;
+        }
+    }
+
     /// The crease angle of the options of opening: none keeps the normals of the file.
     fn crease_degrees(self) -> Result<Option<f32>, CommandFailure> {
         use NormalsChoice::{File, Flat, Smooth};

@@ -14,7 +14,7 @@ const LONGEST_BAR: f64 = 0.25;
 const MARGIN_PX: f32 = 16.0;
 const AXIS_PX: f32 = 36.0;
 /// Height and width of a character, pixels.
-const CHARACTER_PX: [f32; 2] = [9.0, 15.0];
+pub(super) const CHARACTER_PX: [f32; 2] = [9.0, 15.0];
 /// Shorter side of a picture whose marks have these sizes; larger ones have larger marks.
 const USUAL_SIDE_PX: u32 = 600;
 
@@ -115,7 +115,7 @@ impl BarLength {
 impl PictureMarks {
     /// Marks of a view. The bar has its length where a point of the world, relative to model space, lies.
     pub fn new(view: &View, choice: MarkChoice, center: Vec3, unit: Option<&str>) -> Self {
-        let size = (view.width.min(view.height) / USUAL_SIDE_PX).max(1);
+        let size = Self::size_of(view.width, view.height);
         let mut marks = Self {
             size,
             ..Self::default()
@@ -129,6 +129,11 @@ impl PictureMarks {
             marks.add_axes(view);
         }
         marks
+    }
+
+    /// Finds how many times larger marks of a picture are than those of a small one.
+    pub(super) fn size_of(width: u32, height: u32) -> u32 {
+        (width.min(height) / USUAL_SIDE_PX).max(1)
     }
 
     fn add_bar(&mut self, view: &View, bar: &BarLength, words: &str) {

@@ -8,9 +8,11 @@ mod accumulate;
 mod channels;
 mod compare;
 mod file;
+mod legend;
 mod lines;
 mod marks;
 mod read;
+mod rulers;
 mod sheet;
 
 pub use accumulate::{
@@ -24,6 +26,7 @@ pub use compare::{ColorError, PictureDifference, compare, difference_picture};
 pub(crate) use file::write;
 pub use lines::MarkedLines;
 pub use marks::{BarLength, MarkChoice, MarkLine, MarkText, PictureMarks};
+pub use rulers::ruler_margins;
 pub use sheet::contact_sheet;
 
 use std::path::PathBuf;

@@ -12,6 +12,7 @@ use super::job::ReadJob;
 use super::{Error, ReadWarning};
 use crate::mesh::Mesh;
 use crate::mesh::attributes::{AttributeColumn, AttributeKind};
+use crate::mesh::color_legend::{ColorLegend, LegendEntries};
 
 /// What colors a cloud, and over which range.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,6 +51,9 @@ const TAIL: f64 = 0.02;
 
 /// Most values that a range is chosen by.
 const MOST_SAMPLES: usize = 1 << 20;
+
+/// Most categories that are listed.
+const MOST_LISTED: usize = 12;
 
 /// Points per parallel piece.
 const PIECE: usize = 1 << 16;
@@ -191,7 +195,23 @@ fn by_quantity(
         remark: ReadWarning::ColoredBy {
             name: name.to_owned(),
             meaning: format!("dark blue {} to yellow {}", rounded(low), rounded(high)),
+            legend: ColorLegend {
+                title: name.to_owned(),
+                entries: scale_of([low, high]),
+            },
         },
+    }
+}
+
+/// The colors from one value to another.
+fn scale_of([low, high]: [f64; 2]) -> LegendEntries {
+    let color = |step: u8| {
+        let [r, g, b, _] = viridis(f64::from(step) / 255.0);
+        [r, g, b]
+    };
+    LegendEntries::Scale {
+        colors: (0..=255).map(color).collect(),
+        values: [low, 0.5 * (low + high), high].map(|value| rounded(value).to_string()),
     }
 }
 
@@ -234,24 +254,28 @@ fn by_category(column: &AttributeColumn, count: usize) -> ColoredPoints {
         [red, green, blue, 255]
     };
     let value = |at: usize| column.value(at).unwrap_or(f64::NAN);
-    let mut is_there = [false; 256];
+    let mut is_there = vec![false; 1 << 16];
     for at in 0..count {
         let value = value(at);
-        if (0.0..256.0).contains(&value) {
+        if (0.0..65536.0).contains(&value) {
             is_there[value as usize] = true;
         }
     }
-    let words = |index: usize| match CLASSES.get(index).filter(|_| are_classes) {
-        Some((name, [r, g, b])) => format!("{index} {name} #{r:02x}{g:02x}{b:02x}"),
-        None => {
-            let [r, g, b] = PALETTE[index % PALETTE.len()];
-            format!("{index} #{r:02x}{g:02x}{b:02x}")
-        }
+    let entry = |index: usize| match CLASSES.get(index).filter(|_| are_classes) {
+        Some(&(name, color)) => (color, format!("{index} {name}")),
+        None => (PALETTE[index % PALETTE.len()], index.to_string()),
     };
-    let there: Vec<usize> = (0..256).filter(|&index| is_there[index]).collect();
-    let mut meaning: Vec<String> = there.iter().take(12).map(|&index| words(index)).collect();
-    if there.len() > 12 {
-        meaning.push(format!("and {} more", there.len() - 12));
+    let there: Vec<usize> = (0..is_there.len())
+        .filter(|&index| is_there[index])
+        .collect();
+    let entries = there.iter().take(MOST_LISTED);
+    let mut entries: Vec<([u8; 3], String)> = entries.map(|&index| entry(index)).collect();
+    let words = |([r, g, b], name): &([u8; 3], String)| format!("{name} #{r:02x}{g:02x}{b:02x}");
+    let mut meaning: Vec<String> = entries.iter().map(words).collect();
+    if there.len() > MOST_LISTED {
+        let more = format!("and {} more", there.len() - MOST_LISTED);
+        meaning.push(more.clone());
+        entries.push(([0; 3], more));
     }
     ColoredPoints {
         colors: (0..count)
@@ -262,6 +286,10 @@ fn by_category(column: &AttributeColumn, count: usize) -> ColoredPoints {
         remark: ReadWarning::ColoredBy {
             name: column.name.clone(),
             meaning: meaning.join(", "),
+            legend: ColorLegend {
+                title: column.name.clone(),
+                entries: LegendEntries::List(entries),
+            },
         },
     }
 }
@@ -319,6 +347,7 @@ fn viridis(value: f64) -> [u8; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::attributes::{AttributeValues, NumberType};
 
     #[test]
     fn the_map_grows_lighter_from_end_to_end() {
@@ -340,6 +369,46 @@ mod tests {
                 assert!(got.abs_diff(wanted) <= 6, "{value}: {got} {wanted}");
             }
         }
+    }
+
+    #[test]
+    fn legends_have_the_colors_of_the_points() {
+        let value = |at: usize| at as f64;
+        let found = by_quantity("height", 101, value, Some([0.0, 100.0]));
+        let ReadWarning::ColoredBy { legend, .. } = &found.remark else {
+            panic!("{:?}", found.remark)
+        };
+        let LegendEntries::Scale { colors, values } = &legend.entries else {
+            panic!("{legend:?}")
+        };
+        assert_eq!(*values, ["0", "50", "100"].map(str::to_owned));
+        for (at, step) in [(0, 0), (20, 51), (100, 255)] {
+            assert_eq!(found.colors[at][..3], colors[step]);
+        }
+        let column = AttributeColumn {
+            values: AttributeValues::of((0..40_u8).collect()),
+            ..AttributeColumn::new("class", AttributeKind::Category, NumberType::U8)
+        };
+        // Numbers of two bytes too, such as flight lines.
+        let lines = AttributeColumn {
+            values: AttributeValues::of(vec![7326_u16; 3]),
+            ..AttributeColumn::new("point_source", AttributeKind::Category, NumberType::U16)
+        };
+        let ReadWarning::ColoredBy { meaning, .. } = by_category(&lines, 3).remark else {
+            panic!("no colors")
+        };
+        assert!(meaning.starts_with("7326 #"), "{meaning}");
+        let found = by_category(&column, 40);
+        let ReadWarning::ColoredBy { legend, .. } = &found.remark else {
+            panic!("{:?}", found.remark)
+        };
+        let LegendEntries::List(entries) = &legend.entries else {
+            panic!("{legend:?}")
+        };
+        assert_eq!(entries.len(), 13);
+        assert_eq!(entries[6], (CLASSES[6].1, "6 building".to_owned()));
+        assert_eq!(found.colors[6][..3], entries[6].0);
+        assert_eq!(entries[12].1, "and 28 more");
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub use error::{Error, FilePlace};
 pub use part::{FilePart, PartFate};
 pub use point_filter::{FieldCondition, FilterField, FilteredPoints, PointFilter};
 pub use stream::{StreamedModel, open_stream};
-pub use warning::ReadWarning;
+pub use warning::{ReadWarning, legend_of};
 
 pub(crate) use points::las::write as write_las;
 

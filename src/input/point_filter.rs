@@ -169,6 +169,30 @@ impl PointFilter {
         self.conditions.is_empty()
     }
 
+    /// Reads conditions with blanks between.
+    ///
+    /// # Errors
+    /// Says what is wrong with the first that is none.
+    pub fn of_words(text: &str) -> Result<Self, String> {
+        let conditions = text.split_whitespace().map(str::parse);
+        let conditions: Result<Vec<FieldCondition>, String> = conditions.collect();
+        Ok(Self {
+            conditions: conditions?,
+        })
+    }
+
+    /// The conditions on coordinates, and on attributes that these points have.
+    #[must_use]
+    pub fn known_to(&self, attributes: &PointAttributes) -> Self {
+        let is_known = |condition: &&FieldCondition| match &condition.field {
+            FilterField::Axis(_) | FilterField::Height => true,
+            FilterField::Attribute(name) => attributes.find(name).is_some(),
+        };
+        Self {
+            conditions: self.conditions.iter().filter(is_known).cloned().collect(),
+        }
+    }
+
     /// Keeps only what is within a box between two opposite corners, faces included; world space.
     pub fn clip(&mut self, corners: [DVec3; 2]) {
         let (low, high) = (corners[0].min(corners[1]), corners[0].max(corners[1]));
@@ -316,6 +340,24 @@ mod tests {
             let error = text.parse::<FieldCondition>().unwrap_err();
             assert!(error.contains(part), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn filters_are_read_from_words_and_know_what_points_have() {
+        let filter = PointFilter::of_words("  class=2,6  height=..80 ").unwrap();
+        assert_eq!(filter.to_string(), "class=2,6 height=..80");
+        assert!(PointFilter::of_words(" ").unwrap().is_empty());
+        let error = PointFilter::of_words("class=2 height").unwrap_err();
+        assert!(error.contains("FIELD=VALUES"), "{error}");
+        let none = PointAttributes::default();
+        assert_eq!(filter.known_to(&none).to_string(), "height=..80");
+        let column = AttributeColumn::new("Class", AttributeKind::Category, NumberType::U8);
+        let columns = vec![column];
+        let some = PointAttributes {
+            columns,
+            grid: None,
+        };
+        assert_eq!(filter.known_to(&some), filter);
     }
 
     /// Four points at the corners of a square at z = 1 to 4, far from zero.

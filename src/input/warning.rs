@@ -1,5 +1,6 @@
 //! What a reader noticed and repaired or left out; returned with the mesh, never printed here.
 
+use crate::mesh::color_legend::ColorLegend;
 use crate::printable::printable;
 use std::fmt;
 
@@ -144,6 +145,8 @@ pub enum ReadWarning {
         name: String,
         /// What the colors mean.
         meaning: String,
+        /// The same to be shown beside them.
+        legend: ColorLegend,
     },
     /// A part was asked for.
     PartKept {
@@ -325,7 +328,9 @@ impl fmt::Display for RawWarning<'_> {
             }
             ReadWarning::ColumnsDecided { columns } => write!(f, "columns: {columns}"),
             ReadWarning::PointsDropped { what, count } => write!(f, "{count} {what} left out"),
-            ReadWarning::ColoredBy { name, meaning } => write!(f, "colors show {name}: {meaning}"),
+            ReadWarning::ColoredBy { name, meaning, .. } => {
+                write!(f, "colors show {name}: {meaning}")
+            }
             ReadWarning::PartKept {
                 kept,
                 count,
@@ -367,4 +372,12 @@ impl fmt::Display for RawWarning<'_> {
             ReadWarning::PartMissing { what } => write!(f, "{what} missing"),
         }
     }
+}
+
+/// The legend of a model whose colors stand for an attribute.
+pub fn legend_of(warnings: &[ReadWarning]) -> Option<&ColorLegend> {
+    warnings.iter().find_map(|warning| match warning {
+        ReadWarning::ColoredBy { legend, .. } => Some(legend),
+        _ => None,
+    })
 }

@@ -7,5 +7,6 @@ pub mod measured_line;
 pub mod octahedral;
 pub(crate) mod powers;
 pub mod section_box;
+pub mod section_line;
 pub mod sphere;
 pub mod up_axis;

@@ -298,6 +298,16 @@ impl AttributeValues {
     }
 }
 
+/// Fewest digits behind the point that write whole numbers of a step; 9 where none do.
+pub fn decimals_of_step(step: f64) -> usize {
+    (0..9)
+        .find(|&digits| {
+            let whole = step * 10f64.powi(digits);
+            (whole - whole.round()).abs() < 1e-6 && whole.round() >= 1.0
+        })
+        .map_or(9, |digits| digits as usize)
+}
+
 impl AttributeColumn {
     /// A column of this name without values yet.
     pub fn new(name: impl Into<String>, kind: AttributeKind, number: NumberType) -> Self {
@@ -314,6 +324,18 @@ impl AttributeColumn {
     #[inline]
     pub fn value(&self, index: usize) -> Option<f64> {
         Some(self.values.get(index)? * self.scale + self.offset)
+    }
+
+    /// Writes a value of the column with the digits that its type or its step has.
+    pub fn written(&self, value: f64) -> String {
+        if self.scale != 1.0 {
+            let decimals = decimals_of_step(self.scale.abs());
+            return format!("{value:.decimals$}");
+        }
+        match self.values.number() {
+            NumberType::F32 if self.offset == 0.0 => (value as f32).to_string(),
+            _ => value.to_string(),
+        }
     }
 
     /// The smallest and largest value that are finite, smallest first; `None` without any.
@@ -369,6 +391,23 @@ mod tests {
         (0..values.len())
             .map(|at| values.get(at).unwrap())
             .collect()
+    }
+
+    #[test]
+    fn values_are_written_with_the_digits_of_their_type_or_step() {
+        assert_eq!(
+            [1.0, 0.25, 1e-3, 5.0, 1.0 / 3.0].map(decimals_of_step),
+            [0, 2, 3, 0, 9]
+        );
+        let column = |number, scale| AttributeColumn {
+            scale,
+            ..AttributeColumn::new("a", AttributeKind::Quantity, number)
+        };
+        let single = f64::from(0.1_f32);
+        assert_eq!(column(NumberType::F32, 1.0).written(single), "0.1");
+        assert_eq!(column(NumberType::F64, 1.0).written(0.1), "0.1");
+        assert_eq!(column(NumberType::I16, 0.006).written(0.6), "0.600");
+        assert_eq!(column(NumberType::U8, 1.0).written(7.0), "7");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 pub mod attributes;
 mod center;
+pub mod color_legend;
 pub mod creases;
 pub mod faces;
 pub mod normals;

@@ -4,7 +4,7 @@ use super::OpenedModel;
 use crate::Error;
 use crate::input::{self, FilteredPoints, PointFilter, ReadWarning};
 use crate::mesh::Mesh;
-use crate::mesh::attributes::PointAttributes;
+use crate::mesh::attributes::{AttributeColumn, PointAttributes};
 use crate::pages::cache::free_memory;
 use crate::pages::file::PagedFile;
 use crate::progress::Progress;
@@ -44,11 +44,12 @@ pub(super) fn check_memory(file: &PagedFile, path: &Path) -> Result<(), input::E
     }
 }
 
-/// Which leaves of a model a filter keeps; its attributes are in the order of the model's points. `name` is for messages.
+/// Marks the leaves of a model that a filter keeps; its attributes are in the order of the model's points. `name` is for
+/// messages.
 ///
 /// # Errors
 /// [`input::Error::UnknownField`], [`input::Error::NothingKept`].
-fn kept_leaves(
+pub(crate) fn kept_leaves(
     model: &Model,
     attributes: &PointAttributes,
     filter: &PointFilter,
@@ -90,6 +91,34 @@ fn what_leaves_are(model: &Model) -> &'static str {
     }
 }
 
+/// The part of a model whose leaves are marked, and what its points carry.
+///
+/// # Errors
+/// As [`Model::kept`].
+pub(crate) fn kept_part(
+    (model, attributes): (&Model, &PointAttributes),
+    mask: &[bool],
+    progress: &dyn Progress,
+) -> Result<(Model, PointAttributes), tree::Error> {
+    let kept: Vec<u32> = (0..mask.len() as u32)
+        .filter(|&leaf| mask[leaf as usize])
+        .collect();
+    let columns = match model.kind().is_points() {
+        true => attributes.columns.as_slice(),
+        false => &[],
+    };
+    let columns = columns.iter().map(|column| AttributeColumn {
+        values: column.values.ordered(&kept),
+        name: column.name.clone(),
+        ..*column
+    });
+    let attributes = PointAttributes {
+        columns: columns.collect(),
+        grid: attributes.grid,
+    };
+    Ok((model.kept(mask, progress)?, attributes))
+}
+
 impl OpenedModel {
     /// Tells whether its leaves are points.
     pub fn has_points(&self) -> bool {
@@ -106,10 +135,8 @@ impl OpenedModel {
     pub fn kept(mut self, filter: &PointFilter, progress: &dyn Progress) -> Result<Self, Error> {
         let mask = kept_leaves(&self.model, &self.attributes, filter, &self.name)?;
         let what = what_leaves_are(&self.model);
-        self.model = self.model.kept(&mask, progress)?;
-        for column in &mut self.attributes.columns {
-            column.values.retain(|index| mask.get(index) == Some(&true));
-        }
+        (self.model, self.attributes) =
+            kept_part((&self.model, &self.attributes), &mask, progress)?;
         self.warnings.push(ReadWarning::PartKept {
             kept: self.model.tree.leaves.len() as u64,
             count: mask.len() as u64,

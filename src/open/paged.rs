@@ -15,6 +15,16 @@ use crate::tree;
 use std::path::Path;
 use std::sync::Arc;
 
+/// Tells whether a name is an address: a scheme, `://` and more.
+pub(super) fn is_address(name: &str) -> bool {
+    name.split_once("://").is_some_and(|(scheme, _)| {
+        scheme.starts_with(|c: char| c.is_ascii_alphabetic())
+            && scheme
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
+    })
+}
+
 /// Reads a paged file: its first page where pages are streamed, else all of them.
 pub(super) fn read_pages(
     source: Arc<dyn ByteSource>,

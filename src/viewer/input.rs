@@ -89,6 +89,10 @@ pub const KEYS: &[KeyGroup] = &[
                 "Shift Y",
                 "section: cut away the nearer half, or nothing again",
             ),
+            (
+                "Ctrl K",
+                "all points, or again those that the panel's conditions keep",
+            ),
             ("E", "next size metric"),
         ],
     ),
@@ -202,6 +206,8 @@ pub enum KeyCommand {
     DepthOffsetBy(f32),
     /// The usual depth offset of the kind of splat.
     UsualDepthOffset,
+    /// Show all again, or the part that was kept before.
+    Keep,
     /// The next light: in the eye, parallel, the lamp.
     Light,
     /// Change the lamp, and turn it on.
@@ -364,6 +370,7 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<KeyCommand> 
             KeyboardKey::Char('c') => Some(KeyCommand::CopyCamera),
             KeyboardKey::Char('v') => Some(KeyCommand::Paste),
             KeyboardKey::Char('r') => Some(KeyCommand::Reload),
+            KeyboardKey::Char('k') => Some(KeyCommand::Keep),
             KeyboardKey::Char('i') => Some(KeyCommand::Measure(MeasureChange::PointInfo)),
             KeyboardKey::Char('n') => Some(KeyCommand::Measure(MeasureChange::End)),
             KeyboardKey::Char('j') => Some(KeyCommand::Measure(MeasureChange::Close)),

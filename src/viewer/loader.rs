@@ -1,9 +1,13 @@
 //! Loads models on a thread of its own, and copies them to the device there, so that the window answers meanwhile.
 //! Of a large one a coarse preview comes first, as soon as its mesh is known.
 
+use super::kept_models::{WholeModel, keep};
+use super::load_progress::SharedProgress;
 use super::preview;
+use super::text::unopened;
 use crate::gpu::{self, Gpu, lock};
 use crate::input::ReadWarning;
+use crate::input::{FilePart, PointFilter};
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
@@ -15,9 +19,8 @@ use crate::render::paged_model::{PagedModel, PagedModelOptions};
 use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::Model;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -62,15 +65,17 @@ pub struct ModelRequest {
 #[derive(Debug, Default)]
 pub struct LoadedModel {
     /// The model.
-    pub model: Model,
+    pub model: Arc<Model>,
     /// What it stands in for, where it is a paged file.
     pub pages: Option<PagedModel>,
     /// The axis that is up.
     pub up: UpAxis,
     /// What of its file was repaired or left out.
     pub warnings: Vec<ReadWarning>,
+    /// Text of the coordinate system that the file names.
+    pub coordinate_system: Option<String>,
     /// What its points carry, in the order of the model's.
-    pub attributes: PointAttributes,
+    pub attributes: Arc<PointAttributes>,
     /// Models that are drawn with it, in its space.
     pub more: Vec<LoadedPart>,
     /// Sentences about models that were to be drawn with it and could not be opened.
@@ -79,6 +84,10 @@ pub struct LoadedModel {
     pub scene: Option<DeviceScene>,
     /// A coarse one; the model itself is still to come.
     pub is_preview: bool,
+    /// A preview of a few points: the box of all is not known yet.
+    pub is_sample: bool,
+    /// Parts of models that are there.
+    pub is_part: bool,
 }
 
 /// A model that is drawn with another.
@@ -87,43 +96,20 @@ pub struct LoadedPart {
     /// Where it came from.
     pub path: PathBuf,
     /// The model.
-    pub model: Model,
+    pub model: Arc<Model>,
     /// What it stands in for, where it is a paged file.
     pub pages: Option<PagedModel>,
     /// What of its file was repaired or left out.
     pub warnings: Vec<ReadWarning>,
     /// What its points carry, in the order of the model's; nothing where the model was moved, which orders it anew.
-    pub attributes: PointAttributes,
+    pub attributes: Arc<PointAttributes>,
 }
 
 /// Where models are copied to, and with the indices of all triangles or without; none before a device is open.
 type LoaderDevice = Arc<Mutex<Option<(Arc<Gpu>, bool)>>>;
 
-/// How far a job is, shared with its thread.
-#[derive(Debug, Default)]
-struct SharedProgress {
-    stage: Mutex<String>,
-    total: AtomicU64,
-    done: AtomicU64,
-    is_cancelled: AtomicBool,
-}
-
-impl Progress for SharedProgress {
-    fn stage(&self, name: &str, total: u64) {
-        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
-        name.clone_into(&mut stage);
-        self.done.store(0, Ordering::Relaxed);
-        self.total.store(total, Ordering::Relaxed);
-    }
-
-    fn advance(&self, amount: u64) {
-        self.done.fetch_add(amount, Ordering::Relaxed);
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.is_cancelled.load(Ordering::Relaxed)
-    }
-}
+/// Takes what a job has found.
+type JobSender = Sender<Result<LoadedModel, LoadError>>;
 
 struct LoadJob {
     path: PathBuf,
@@ -134,7 +120,7 @@ struct LoadJob {
 
 impl Drop for LoadJob {
     fn drop(&mut self) {
-        self.shared.is_cancelled.store(true, Ordering::Relaxed);
+        self.shared.cancel();
     }
 }
 
@@ -145,6 +131,8 @@ pub struct ModelLoader {
     /// Models that stand elsewhere or have another color, by their place in the list.
     placed: Vec<(PathBuf, MeshPlacement)>,
     crease_degrees: Option<f32>,
+    /// A sample of the points may be shown while they are read: it looks as they will.
+    is_sampled: bool,
     job: Option<LoadJob>,
 }
 
@@ -168,6 +156,7 @@ impl ModelLoader {
         placed: Vec<(PathBuf, MeshPlacement)>,
     ) -> Self {
         let crease_degrees = options.tree.crease_degrees;
+        let is_sampled = options.keep.is_empty() && options.input.color.is_none();
         let options = OpenOptions {
             streams_pages: true,
             ..options
@@ -190,17 +179,19 @@ impl ModelLoader {
             let pages = opened.paged.map(|file| PagedModel::open(file, paged));
             let pages = pages.transpose().map_err(crate::tree::Error::from);
             Ok(LoadedModel {
-                model: opened.model,
+                model: Arc::new(opened.model),
                 pages: pages.map_err(crate::Error::from)?,
                 up: opened.up.axis,
                 warnings: opened.warnings,
-                attributes: opened.attributes,
+                coordinate_system: system_of(&opened.parts),
+                attributes: Arc::new(opened.attributes),
                 ..LoadedModel::default()
             })
         };
         Self {
             placed,
             crease_degrees,
+            is_sampled,
             ..Self::of_function(Arc::new(open))
         }
     }
@@ -211,6 +202,7 @@ impl ModelLoader {
             device: LoaderDevice::default(),
             placed: Vec::new(),
             crease_degrees: None,
+            is_sampled: false,
             job: None,
         }
     }
@@ -247,42 +239,74 @@ impl ModelLoader {
     /// in [`LoadedModel::failures`].
     ///
     /// # Errors
-    /// When the system has no thread left.
+    /// As there.
     pub fn start_all(&mut self, path: &Path, more: &[PathBuf]) -> std::io::Result<()> {
-        self.job = None;
-        let shared = Arc::new(SharedProgress::default());
-        let (sender, results) = channel();
-        let (open, progress, target) = (self.open.clone(), shared.clone(), self.request(0, path));
+        let (open, target) = (self.open.clone(), self.request(0, path));
         let more = more.iter().enumerate();
         let more: Vec<ModelRequest> = more.map(|(i, path)| self.request(i + 1, path)).collect();
         let device = self.device.clone();
-        let thread = std::thread::Builder::new()
-            .name("loader".into())
-            .spawn(move || {
-                // Nobody listens any more when the job was cancelled.
-                let mut on_preview = |model| {
-                    let preview = LoadedModel {
-                        model,
-                        is_preview: true,
-                        ..LoadedModel::default()
-                    };
-                    if let Ok(preview) = copied(&device, preview) {
-                        let _ = sender.send(Ok(preview));
+        let is_sampled = self.is_sampled && target.placement.is_identity();
+        self.begin(path, move |progress, sender| {
+            let mut on_preview = |model| send_preview(&device, &sender, model, false);
+            if is_sampled {
+                let (device, sender) = (device.clone(), sender.clone());
+                progress.give_sample_to(Some(Box::new(move |mesh| {
+                    if let Some(model) = preview::of_sample(mesh) {
+                        send_preview(&device, &sender, model, true);
                     }
-                };
-                let opened = open(&target, progress.as_ref(), &mut on_preview);
-                let result = opened.and_then(|mut loaded| {
-                    for request in more {
-                        match open(&request, progress.as_ref(), &mut |_| ()) {
-                            Ok(other) => loaded.add(request.path, other, progress.as_ref()),
-                            Err(error) => loaded.failures.push(failure(&request.path, &error)),
+                })));
+            }
+            let opened = open(&target, progress.as_ref(), &mut on_preview);
+            progress.give_sample_to(None);
+            let result = opened.and_then(|mut loaded| {
+                for request in more {
+                    match open(&request, progress.as_ref(), &mut |_| ()) {
+                        Ok(other) => loaded.add(request.path, other, progress.as_ref()),
+                        Err(error) => {
+                            (loaded.failures).push(unopened(&request.path, &error.to_string()))
                         }
                     }
-                    progress.stage("copying to the device", 0);
-                    Ok(copied(&device, loaded)?)
-                });
-                let _ = sender.send(result);
-            })?;
+                }
+                progress.stage("copying to the device", 0);
+                Ok(copied(&device, loaded)?)
+            });
+            let _ = sender.send(result);
+        })
+    }
+
+    /// Starts to make the parts of models that a filter keeps, as [`keep`] does; a job that still runs is forgotten.
+    ///
+    /// # Errors
+    /// When the system has no thread left.
+    pub fn start_keeping(
+        &mut self,
+        path: &Path,
+        wholes: Vec<WholeModel>,
+        filter: PointFilter,
+    ) -> std::io::Result<()> {
+        let device = self.device.clone();
+        self.begin(path, move |progress, sender| {
+            let parts = keep(&wholes, &filter, progress.as_ref()).map_err(LoadError::from);
+            let _ = sender.send(parts.and_then(|parts| {
+                progress.stage("copying to the device", 0);
+                Ok(copied(&device, LoadedModel::of_parts(parts))?)
+            }));
+        })
+    }
+
+    /// Starts a thread for a job.
+    fn begin(
+        &mut self,
+        path: &Path,
+        work: impl FnOnce(Arc<SharedProgress>, JobSender) + Send + 'static,
+    ) -> std::io::Result<()> {
+        self.job = None;
+        let shared = Arc::new(SharedProgress::default());
+        let (sender, results) = channel();
+        let progress = shared.clone();
+        let thread = std::thread::Builder::new()
+            .name("loader".into())
+            .spawn(move || work(progress, sender))?;
         self.job = Some(LoadJob {
             path: path.to_owned(),
             shared,
@@ -299,20 +323,7 @@ impl ModelLoader {
 
     /// How far the job is, such as `building nodes 43%`.
     pub fn status(&self) -> Option<String> {
-        let shared = &self.job.as_ref()?.shared;
-        let stage = shared.stage.lock().unwrap_or_else(PoisonError::into_inner);
-        let (done, total) = (
-            shared.done.load(Ordering::Relaxed),
-            shared.total.load(Ordering::Relaxed),
-        );
-        Some(match (stage.as_str(), total) {
-            ("", _) => "opening".into(),
-            (name, 0) => name.into(),
-            (name, total) => format!(
-                "{name} {}%",
-                (u128::from(done) * 100 / u128::from(total)).min(100)
-            ),
-        })
+        Some(self.job.as_ref()?.shared.words())
     }
 
     /// What has come since the last call: a preview, or the result of a job that has ended.
@@ -336,7 +347,7 @@ impl ModelLoader {
         // Whoever copies still holds the device; nobody begins to.
         *lock(&self.device) = None;
         let Some(job) = self.job.take() else { return };
-        job.shared.is_cancelled.store(true, Ordering::Relaxed);
+        job.shared.cancel();
         let start = Instant::now();
         while !job.thread.is_finished() && start.elapsed() < FAREWELL {
             std::thread::sleep(Duration::from_millis(5));
@@ -345,19 +356,41 @@ impl ModelLoader {
 }
 
 impl LoadedModel {
+    /// Parts of models that are there.
+    fn of_parts(parts: Vec<WholeModel>) -> Self {
+        let part = |own: WholeModel| LoadedPart {
+            path: own.path,
+            model: own.model,
+            attributes: own.attributes,
+            ..LoadedPart::default()
+        };
+        let mut parts = parts.into_iter().map(part);
+        let first = parts.next().unwrap_or_default();
+        Self {
+            model: first.model,
+            attributes: first.attributes,
+            more: parts.collect(),
+            is_part: true,
+            ..Self::default()
+        }
+    }
+
     /// Adds a model that was loaded alone, in the space of the first.
     fn add(&mut self, path: PathBuf, other: Self, progress: &dyn Progress) {
         let origin = self.model.origin;
         let attributes = match other.model.origin == origin {
             true => other.attributes,
-            false => PointAttributes::default(),
+            false => Arc::default(),
         };
         let moved = match other.pages {
             Some(pages) => pages
                 .moved_to(origin)
-                .map(|pages| (pages.stand_in().clone(), Some(pages)))
+                .map(|pages| (Arc::new(pages.stand_in().clone()), Some(pages)))
                 .map_err(crate::tree::Error::from),
-            None => (other.model.moved_to(origin, progress)).map(|model| (model, None)),
+            None => {
+                let model = Arc::unwrap_or_clone(other.model);
+                (model.moved_to(origin, progress)).map(|model| (Arc::new(model), None))
+            }
         };
         match moved {
             Ok((model, pages)) => self.more.push(LoadedPart {
@@ -369,19 +402,31 @@ impl LoadedModel {
             }),
             Err(error) => {
                 let error = LoadError::Open(error.into());
-                self.failures.push(failure(&path, &error));
+                self.failures.push(unopened(&path, &error.to_string()));
             }
         }
     }
 }
 
-/// A sentence about a model that could not be opened; most errors name their file.
-pub(super) fn failure(path: &Path, error: &LoadError) -> String {
-    let (message, name) = (error.to_string(), path.display().to_string());
-    if message.contains(&name) {
-        message
-    } else {
-        format!("{name}: {message}")
+/// The longest text of a coordinate system: files name theirs in several ways.
+fn system_of(parts: &[FilePart]) -> Option<String> {
+    let named = (parts.iter()).filter(|part| part.name == "coordinate system");
+    let texts = named.map(|part| part.note.clone());
+    texts
+        .max_by_key(String::len)
+        .filter(|text| !text.is_empty())
+}
+
+/// Sends a coarse model ahead. Nobody listens any more when the job was cancelled.
+fn send_preview(device: &LoaderDevice, sender: &JobSender, model: Model, is_sample: bool) {
+    let preview = LoadedModel {
+        model: Arc::new(model),
+        is_preview: true,
+        is_sample,
+        ..LoadedModel::default()
+    };
+    if let Ok(preview) = copied(device, preview) {
+        let _ = sender.send(Ok(preview));
     }
 }
 
@@ -389,8 +434,8 @@ pub(super) fn failure(path: &Path, error: &LoadError) -> String {
 fn copied(device: &LoaderDevice, mut loaded: LoadedModel) -> Result<LoadedModel, gpu::Error> {
     let device = lock(device).clone();
     if let Some((gpu, with_indices)) = device {
-        let mut models = vec![&loaded.model];
-        models.extend(loaded.more.iter().map(|part| &part.model));
+        let mut models: Vec<&Model> = vec![&loaded.model];
+        models.extend(loaded.more.iter().map(|part| &*part.model));
         let mut scene = DeviceScene::of_models(&gpu, &models)?;
         if with_indices && !loaded.is_preview {
             let shown = scene.shown(&models);
@@ -410,7 +455,7 @@ mod tests {
 
     fn of_model(model: Model) -> LoadedModel {
         LoadedModel {
-            model,
+            model: Arc::new(model),
             ..LoadedModel::default()
         }
     }

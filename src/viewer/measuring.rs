@@ -4,7 +4,6 @@ use crate::input::name_of_class;
 use crate::math::measured_line::{MeasureList, MeasuredLine};
 use crate::math::up_axis::UpAxis;
 use crate::mesh::attributes::{AttributeColumn, AttributeKind, PointAttributes};
-use crate::tree::Model;
 use glam::DVec3;
 
 /// The point or place under the cursor.
@@ -184,46 +183,6 @@ impl MeasureTool {
     }
 }
 
-/// A place of a model in the coordinates of its file, to the file's step, and how many digits behind the point each has.
-pub fn in_file(model: &Model, attributes: &PointAttributes, place: DVec3) -> (DVec3, [usize; 3]) {
-    let world = model.origin + place;
-    if let Some(grid) = &attributes.grid {
-        let digits = grid.step.to_array().map(digits_of_step);
-        let place = grid.nearest(world).to_array();
-        // As it is written: products of steps have their own rounding.
-        let written = |axis: usize| {
-            let decimals = digits[axis];
-            let text = format!("{:.decimals$}", place[axis]);
-            if decimals < 9 {
-                text.parse().unwrap_or(place[axis])
-            } else {
-                place[axis]
-            }
-        };
-        return (DVec3::new(written(0), written(1), written(2)), digits);
-    }
-    // Half a unit in the last place of the coordinate that is farthest from the origin.
-    let reach = model.min.abs().max(model.max.abs()).max_element();
-    let unit = f64::from(reach) * f64::from(f32::EPSILON) / 2.0;
-    let digits = if unit > 0.0 {
-        // The cast saturates.
-        (-unit.log10()).floor().clamp(0.0, 9.0) as usize
-    } else {
-        3
-    };
-    (world, [digits; 3])
-}
-
-/// Fewest digits behind the point that write whole numbers of a step; 9 where none do.
-fn digits_of_step(step: f64) -> usize {
-    (0..9)
-        .find(|&digits| {
-            let whole = step * 10f64.powi(digits);
-            (whole - whole.round()).abs() < 1e-6 && whole.round() >= 1.0
-        })
-        .map_or(9, |digits| digits as usize)
-}
-
 /// The point `leaf` of a model, or a place on its surface, in words.
 pub fn described(
     place: DVec3,
@@ -254,17 +213,15 @@ fn words_of_value(column: &AttributeColumn, value: f64) -> String {
             None => value.to_string(),
         };
     }
-    if column.scale == 1.0 {
-        return value.to_string();
-    }
-    let decimals = digits_of_step(column.scale.abs());
-    format!("{value:.decimals$}")
+    column.written(value)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mesh::attributes::{AttributeValues, CoordinateGrid, NumberType};
+    use crate::open::file_place::in_file;
+    use crate::tree::Model;
     use glam::Vec3;
 
     #[test]
@@ -372,9 +329,5 @@ mod tests {
         // Without a grid as many digits as single precision has.
         attributes.grid = None;
         assert_eq!(in_file(&model, &attributes, DVec3::ZERO).1, [4; 3]);
-        assert_eq!(
-            [1.0, 0.25, 1e-3, 5.0, 1.0 / 3.0].map(digits_of_step),
-            [0, 2, 3, 0, 9]
-        );
     }
 }

@@ -42,6 +42,8 @@ pub struct PanelFacts {
     pub origin: DVec3,
     /// Least and greatest coordinates in those of the file.
     pub bounds: [DVec3; 2],
+    /// Text of the coordinate system that the file names.
+    pub coordinate_system: Option<String>,
 }
 
 /// Everything the panel shows.
@@ -79,6 +81,8 @@ pub struct PanelState<'a> {
     pub photographs: Option<PhotographState>,
     /// A line of text for each measure, and whether the last one goes on.
     pub measures: MeasureState,
+    /// Conditions of what is kept; none where nothing can be left out.
+    pub keep: Option<KeepState>,
 }
 
 /// What the user asks for.
@@ -98,6 +102,8 @@ pub enum PanelWish {
     FrameTime(Option<f64>),
     /// Something of photographs.
     Photograph(PhotographWish),
+    /// Keep what meets these conditions.
+    Keep(String),
     /// Take a measure away.
     RemoveMeasure(usize),
     /// Draw a model, or leave it out.
@@ -281,6 +287,13 @@ fn model(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
         };
         fact(ui, "surface", surface.into());
     });
+    if let Some(text) = &facts.coordinate_system {
+        ui.add(egui::Label::new(text).truncate())
+            .on_hover_text(format!("Coordinate system, as the file names it: {text}"));
+    }
+    if let Some(own) = &state.keep {
+        keep::show(ui, own, wishes);
+    }
     if state.parts.len() > 1 {
         for (part, &(name, is_shown)) in state.parts.iter().enumerate() {
             let mut is_on = is_shown;
@@ -566,6 +579,7 @@ fn frame(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     }
 }
 
+pub mod keep;
 mod lamp;
 mod look;
 pub mod measures;
@@ -574,6 +588,7 @@ mod photographs;
 mod section;
 mod vertices;
 
+pub use keep::KeepState;
 pub use measures::MeasureState;
 pub use photographs::{PhotographRow, PhotographState, PhotographWish};
 

@@ -1,7 +1,7 @@
 //! A coarse picture of a mesh whose tree is not built yet: a few of its triangles or points, as points.
 
 use crate::mesh::Mesh;
-use crate::progress::Progress;
+use crate::progress::{Progress, SilentProgress};
 use crate::tree::{self, BuildOptions, Model};
 use glam::Vec3;
 
@@ -72,6 +72,11 @@ fn outermost(mesh: &Mesh) -> Vec<u32> {
         found.extend(by(&|p| p.distance_squared(middle)));
     }
     found
+}
+
+/// The model of a sample.
+pub fn of_sample(mesh: Mesh) -> Option<Model> {
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).ok()
 }
 
 /// The model of a preview; none where there is to be none, or it was cancelled.

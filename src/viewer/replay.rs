@@ -1,6 +1,6 @@
 //! Recorded input again, with or without a window: the same steps, the same pictures.
 
-use super::app::ViewerApp;
+use super::app::{FileAsk, ViewerApp};
 use super::event::ViewerEvent;
 use super::loader::{LoadError, LoadedModel, ModelLoader};
 use super::record::RecordEntry;
@@ -132,6 +132,9 @@ pub(super) fn run(
         let finished = app.finished().into_iter();
         if is_live {
             live.extend(finished.map(|event| RecordEntry { step, time, event }));
+        }
+        if app.asks.contains(&FileAsk::Keep) {
+            app.start_keeping(loader);
         }
         // Files are opened where the recording says so.
         app.asks.clear();

@@ -114,7 +114,7 @@ impl Drop for WaitingTextures {
 pub(super) struct WindowScreen {
     model: Option<Arc<Model>>,
     /// Models that are drawn with it.
-    more: Vec<Model>,
+    more: Vec<Arc<Model>>,
     /// Of each model that is a paged file, its pages.
     pages: Vec<Option<PagedModel>>,
     /// A frame waits until its pages are there.
@@ -330,7 +330,8 @@ impl WindowScreen {
         let Ok(view) = camera.view(model.origin) else {
             return FrameWork::default();
         };
-        let models: Vec<&Model> = [&**model].into_iter().chain(&self.more).collect();
+        let more = self.more.iter().map(Arc::as_ref);
+        let models: Vec<&Model> = [&**model].into_iter().chain(more).collect();
         let shown = ShownModel {
             models: &models,
             scene,
@@ -519,7 +520,8 @@ impl WindowScreen {
         };
         let submitted = match (view, &self.model, &mut self.scene) {
             (Some(view), Some(model), Some(scene)) => {
-                let models: Vec<&Model> = [&**model].into_iter().chain(&self.more).collect();
+                let more = self.more.iter().map(Arc::as_ref);
+                let models: Vec<&Model> = [&**model].into_iter().chain(more).collect();
                 let drawn = ShownModel {
                     models: &models,
                     scene,

@@ -11,6 +11,15 @@ use crate::viewer::{choices, lamp};
 use std::fmt::Write as _;
 use std::path::Path;
 
+/// Makes a sentence about a model that could not be opened; most errors name their file.
+pub fn unopened(path: &Path, message: &str) -> String {
+    let name = path.display().to_string();
+    match message.contains(&name) {
+        true => message.to_owned(),
+        false => format!("{name}: {message}"),
+    }
+}
+
 /// Short name of what is opened.
 pub fn name(path: &Path) -> String {
     match path.file_name() {

@@ -259,6 +259,7 @@ impl ViewerWindow {
                         app.warn(&format!("cannot start to load: {error}"));
                     }
                 }
+                FileAsk::Keep => app.start_keeping(loader),
                 FileAsk::Copy(text) => self.window.set_clipboard_string(&text),
                 FileAsk::Paste => {
                     events.extend(self.window.get_clipboard_string().map(ViewerEvent::Paste))

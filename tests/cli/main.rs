@@ -9,6 +9,7 @@ mod chart;
 mod common_models;
 mod compare;
 mod costs;
+mod cross_section;
 mod damage;
 mod documents;
 mod harness;

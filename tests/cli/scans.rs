@@ -302,3 +302,33 @@ fn points_without_normals_are_given_those_of_planes_through_their_neighbors() {
         assert!(slope[2] > 200 && slope[0] != slope[2], "{kind}: {slope:?}");
     }
 }
+
+/// The legend has the colors of the points, and stands in the picture only where it is asked for.
+#[test]
+fn legends_show_what_colors_mean() {
+    let made = tempfile::tempdir().unwrap();
+    let at = made.path();
+    written(at, "all.csv", &rows(|_| true));
+    let drawn = |more: &str| {
+        let look = "--samples 1 --backend cpu --background black --size 300x300 --orbit 0,0,0.1";
+        let made = run(at, &format!("render @all.csv -o @a.png {look} {more}"));
+        assert_eq!(made.code, 0, "{}", made.err);
+        image::open(at.join("a.png")).unwrap().into_rgb8()
+    };
+    let by_class = drawn("--color-by class --legend");
+    // The second row: class 3, low vegetation.
+    assert_eq!(by_class.get_pixel(22, 54).0, [190, 220, 110]);
+    assert_eq!(drawn("--color-by class").get_pixel(22, 54).0, [0; 3]);
+    let by_height = drawn("--color-by height --legend");
+    let [low, high] = [150, 34].map(|y| by_height.get_pixel(22, y).0);
+    assert!(
+        low[2] > low[1] && high[0] > 200 && high[2] < 100,
+        "{low:?} {high:?}"
+    );
+    let refused = run(at, "render @all.csv -o @a.png --legend");
+    assert!(
+        refused.code == 2 && refused.err.contains("--color-by"),
+        "{}",
+        refused.err
+    );
+}

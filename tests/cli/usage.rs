@@ -6,6 +6,7 @@ pub(crate) const COMMANDS: &[&str] = &[
     "render",
     "build",
     "export",
+    "cross-section",
     "info",
     "check",
     "generate",

@@ -18,7 +18,7 @@ use super::super::{Error, FilePlace, Format, ReadWarning};
 use super::guard::guarded;
 use super::roles::{ColumnRole, attribute_name, kind_of, role_of_name};
 use super::sink::{CloudSink, TableBlock};
-use super::{FREE_BYTES, LARGEST_RATIO, bytes_at};
+use super::{FREE_BYTES, LARGEST_RATIO, bytes_at, system_text};
 use crate::mesh::attributes::{AttributeColumn, AttributeValues, NumberType};
 use crate::progress::Progress;
 
@@ -185,7 +185,7 @@ fn list_others(job: &mut ReadJob<'_>, reader: &E57Reader<Cursor<&[u8]>>) {
     job.inventory
         .add_some("pictures", images, PartFate::Unneeded, "");
     if let Some(text) = reader.coordinate_metadata().filter(|text| !text.is_empty()) {
-        let note = shown(text.as_bytes());
+        let note = system_text(text.as_bytes());
         job.inventory
             .add("coordinate system", 1, PartFate::Unneeded, note);
     }

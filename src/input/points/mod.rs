@@ -15,6 +15,7 @@ use super::Error;
 use super::job::ReadJob;
 use super::part::PartFate;
 use crate::mesh::attributes::AttributeColumn;
+use crate::printable::printable;
 
 /// Memory for kept points that a file may ask for whatever its size, in bytes, and the most unpacked bytes for a byte of
 /// the file beyond it: compressed scans reach 60 times, only a file made for harm reaches more.
@@ -63,6 +64,17 @@ fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
         .and_then(|rest| rest.first_chunk::<N>())
         .copied()
         .unwrap_or([0; N])
+}
+
+/// Most characters of the text of a coordinate system that are shown.
+const MOST_SYSTEM_CHARS: usize = 1500;
+
+/// The text of a coordinate system, in one line.
+fn system_text(bytes: &[u8]) -> String {
+    let bytes = &bytes[..bytes.len().min(4 * MOST_SYSTEM_CHARS)];
+    let text = String::from_utf8_lossy(bytes);
+    let words: Vec<&str> = text.trim_end_matches('\0').split_whitespace().collect();
+    printable(&words.join(" "), MOST_SYSTEM_CHARS)
 }
 
 /// A text of a fixed field: up to its first zero, without what cannot be printed.

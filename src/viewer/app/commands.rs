@@ -167,6 +167,7 @@ impl ViewerApp {
             KeyCommand::Measure(change) => self.change_measures(change),
             KeyCommand::HoldCut => self.hold_cut(),
             KeyCommand::Section => self.switch_section(),
+            KeyCommand::Keep => self.switch_kept(),
             KeyCommand::Statistics => self.has_statistics = !self.has_statistics,
             KeyCommand::Print => self.print_statistics()?,
             KeyCommand::Screenshot => self.ask_for_screenshot()?,

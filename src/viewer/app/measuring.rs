@@ -4,9 +4,10 @@ use super::ViewerApp;
 use super::commands::free_path;
 use crate::image::MarkedLines;
 use crate::mesh::attributes::PointAttributes;
+use crate::open::file_place::in_file;
 use crate::viewer::ViewerError;
 use crate::viewer::input::MeasureChange;
-use crate::viewer::measuring::{described, in_file};
+use crate::viewer::measuring::described;
 use crate::viewer::panel::measures::{MeasureMarks, MeasureState};
 use crate::viewer::pick::PickedPlace;
 use crate::viewer::recovery::{RecoveryWay, way_after};
@@ -33,7 +34,7 @@ impl ViewerApp {
         let models = self.screen.models();
         let part = picked.part.unwrap_or(0);
         let model = models.get(part)?;
-        let attributes = self.attributes.get(part);
+        let attributes = self.attributes.get(part).map(AsRef::as_ref);
         // Places on surfaces, and of the picture alone, are on no grid.
         let attributes = attributes.filter(|_| picked.part.is_some() && model.kind().is_points());
         let attributes = attributes.unwrap_or(&NOTHING);

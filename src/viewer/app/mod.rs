@@ -5,6 +5,7 @@ mod awaited_picture;
 mod commands;
 mod draw;
 mod events;
+mod kept;
 mod light;
 mod measuring;
 mod photographs;
@@ -18,7 +19,8 @@ use super::control::{FrameBudget, FrameGoal};
 use super::event::KeyboardKey;
 use super::graph::TimeHistory;
 use super::input::MouseState;
-use super::loader::{LoadError, LoadedModel, ModelLoader, failure};
+use super::kept_models::WholeModel;
+use super::loader::{LoadError, LoadedModel, ModelLoader};
 use super::measuring::MeasureTool;
 use super::notice::{NoticeList, NoticeWeight};
 use super::pace::PacedFrame;
@@ -29,19 +31,23 @@ use super::ui::PanelInterface;
 use super::{RunFigures, ViewerError, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
 use crate::image::MarkChoice;
+use crate::input::legend_of;
 use crate::math::camera::{Camera, HeadlightSource};
 use crate::math::section_box::SectionBox;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::attributes::PointAttributes;
+use crate::mesh::color_legend::ColorLegend;
 use crate::pack::{Phong, SurfaceLighting};
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::{Model, OrbitSphere};
 use awaited_picture::AwaitedPicture;
 use commands::TurntableRun;
 use glam::{DVec2, DVec3};
+use kept::KeptParts;
 use photographs::ModelPhotographs;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// What the app asks of the window around it.
@@ -56,6 +62,8 @@ pub(super) enum FileAsk {
     },
     /// Put a text into the clipboard.
     Copy(String),
+    /// Make the parts of the models that are kept.
+    Keep,
     /// Read the clipboard, and hand it over as [`super::event::ViewerEvent::Paste`].
     Paste,
     /// Switch full screen.
@@ -178,7 +186,15 @@ pub(super) struct ViewerApp {
     photographs: ModelPhotographs,
     measuring: MeasureTool,
     /// What the points of each model carry.
-    attributes: Vec<PointAttributes>,
+    attributes: Vec<Arc<PointAttributes>>,
+    kept: KeptParts,
+    /// What is shown is a sample of a few points.
+    is_sample: bool,
+    /// When one came, whose view the model's own replaces unless it was moved.
+    sampled_at: Option<f64>,
+    coordinate_system: Option<String>,
+    /// Meaning of the colors of points.
+    legend: Option<ColorLegend>,
 }
 
 /// Writes a message to standard error, which may be gone; the window is there.
@@ -267,6 +283,11 @@ impl ViewerApp {
             photographs: ModelPhotographs::default(),
             measuring: MeasureTool::default(),
             attributes: Vec::new(),
+            kept: KeptParts::default(),
+            is_sample: false,
+            sampled_at: None,
+            coordinate_system: None,
+            legend: None,
             options,
         }
     }
@@ -312,7 +333,9 @@ impl ViewerApp {
     pub(super) fn has_cover(&self) -> bool {
         let has_notices = !self.notices.list().is_empty();
         let has_window = self.has_panel || self.has_help || self.has_graph;
-        has_window || has_notices || self.photographs.has_marks() || self.measuring.is_shown()
+        let has_marks = self.marks != MarkChoice::default() || self.legend.is_some();
+        let has_lines = self.photographs.has_marks() || self.measuring.is_shown();
+        has_window || has_notices || has_marks || has_lines
     }
 
     pub(super) fn warn(&mut self, message: &str) {
@@ -353,6 +376,7 @@ impl ViewerApp {
             other => other,
         };
         let is_preview = matches!(&result, Ok(loaded) if loaded.is_preview);
+        let is_part = matches!(&result, Ok(loaded) if loaded.is_part);
         if !is_preview {
             self.status = None;
         }
@@ -366,37 +390,18 @@ impl ViewerApp {
                         tell(&format!("{}: warning: {warning}", part.path.display()));
                     }
                 }
-                self.failures = loaded.failures;
-                // The view of a preview stays.
-                if !loaded.is_preview {
-                    self.up = self.options.up.unwrap_or(loaded.up);
-                }
-                let parts = loaded.more.into_iter();
-                self.part_names = vec![text::name(path)];
-                let (mut more, mut pages) = (Vec::new(), vec![loaded.pages]);
-                let mut attributes = vec![loaded.attributes];
-                for part in parts {
-                    self.part_names.push(text::name(&part.path));
-                    more.push(part.model);
-                    attributes.push(part.attributes);
-                    pages.push(part.pages);
-                }
-                let shown = self.screen.set_model(loaded.model, more, loaded.scene);
-                if shown.is_ok() {
-                    self.attributes = attributes;
-                    self.screen.set_pages(pages, self.waits_for_pages());
-                }
-                shown.map_err(LoadError::from)
+                self.show_loaded(path, loaded)
             }
             Err(error) => Err(error),
         };
         let is_reloading = std::mem::take(&mut self.is_reloading);
         match outcome {
             Ok(()) => {
-                if !is_preview {
+                if !is_preview && !is_part {
                     self.recent.add(path);
                 }
-                self.take_model(path, is_preview, is_reloading)?;
+                let is_same = is_reloading || is_part;
+                self.take_model(path, (is_preview, is_part), is_same)?;
                 self.is_reloading = is_reloading && is_preview;
                 for failure in std::mem::take(&mut self.failures) {
                     self.warn(&failure);
@@ -405,10 +410,68 @@ impl ViewerApp {
             }
             Err(error) if self.is_unattended() => Err(ViewerError::Open(error)),
             Err(error) => {
-                self.warn(&failure(path, &error));
+                self.part_came(false);
+                self.warn(&text::unopened(path, &error.to_string()));
                 Ok(())
             }
         }
+    }
+
+    /// Puts models that were loaded on the screen.
+    fn show_loaded(&mut self, path: &Path, loaded: LoadedModel) -> Result<(), LoadError> {
+        let (is_preview, is_part) = (loaded.is_preview, loaded.is_part);
+        let is_sample = loaded.is_sample;
+        self.failures = loaded.failures;
+        // The view of a preview stays, and so does that of parts.
+        if !is_preview && !is_part {
+            self.up = self.options.up.unwrap_or(loaded.up);
+        }
+        let hidden = match is_part {
+            true => self.screen.shown().to_vec(),
+            false => Vec::new(),
+        };
+        if !is_part {
+            let remarks = loaded.more.iter().map(|part| &part.warnings);
+            let mut remarks = [&loaded.warnings].into_iter().chain(remarks);
+            self.legend = remarks.find_map(|own| legend_of(own)).cloned();
+            self.coordinate_system = loaded.coordinate_system;
+        }
+        let mut wholes = vec![WholeModel {
+            path: path.to_owned(),
+            model: loaded.model.clone(),
+            attributes: loaded.attributes.clone(),
+        }];
+        let (mut more, mut pages) = (Vec::new(), vec![loaded.pages]);
+        let mut attributes = vec![loaded.attributes];
+        for part in loaded.more {
+            wholes.push(WholeModel {
+                path: part.path,
+                model: part.model.clone(),
+                attributes: part.attributes.clone(),
+            });
+            more.push(part.model);
+            attributes.push(part.attributes);
+            pages.push(part.pages);
+        }
+        self.part_names = wholes.iter().map(|own| text::name(&own.path)).collect();
+        self.screen.set_model(loaded.model, more, loaded.scene)?;
+        self.attributes = attributes;
+        self.is_sample = is_sample;
+        if is_sample {
+            self.sampled_at = Some(self.time);
+        }
+        let is_in_memory = pages.iter().all(Option::is_none);
+        self.screen.set_pages(pages, self.waits_for_pages());
+        for (index, is_shown) in hidden.into_iter().enumerate() {
+            self.screen.show(index, is_shown);
+        }
+        if is_part {
+            self.part_came(true);
+        } else if !is_preview {
+            let wholes = if is_in_memory { wholes } else { Vec::new() };
+            self.take_wholes(wholes, self.is_reloading);
+        }
+        Ok(())
     }
 
     /// Tells whether frames wait until their pages are there: pictures that nobody watches, and recordings, are the same each
@@ -451,12 +514,20 @@ impl ViewerApp {
     fn take_model(
         &mut self,
         path: &Path,
-        is_preview: bool,
-        is_reloading: bool,
+        (is_preview, is_part): (bool, bool),
+        is_same: bool,
     ) -> Result<(), ViewerError> {
         // The view of a preview stays: somebody may have turned it.
-        let is_expected = (self.is_preview || is_reloading) && self.path == path;
+        let is_expected = (self.is_preview || is_same) && self.path == path;
         let is_another = self.orbit.is_some() && !is_expected;
+        // A sample knew less of where the model ends; its view stays where it was moved.
+        let reframes = match self.sampled_at {
+            Some(at) if !self.is_sample => {
+                self.sampled_at = None;
+                self.moved_at < at
+            }
+            _ => false,
+        };
         self.is_preview = is_preview;
         self.path = path.to_owned();
         self.name = text::name(path);
@@ -485,6 +556,7 @@ impl ViewerApp {
             is_closed: models.iter().all(|model| model.is_closed),
             origin: models[0].origin,
             bounds: section::bounds_of(&models),
+            coordinate_system: self.coordinate_system.clone(),
         });
         let origin = models[0].origin;
         self.settings.section = (self.section).map(|ends| SectionBox::of_file(ends, origin));
@@ -500,7 +572,7 @@ impl ViewerApp {
         {
             orbit.set_up(up);
         }
-        if !is_expected || self.orbit.is_none() {
+        if !is_expected || self.orbit.is_none() || reframes {
             let orbit = OrbitCamera::new(center, radius, self.picture_size(), orbit);
             self.orbit = Some(orbit.about(self.up));
             if is_another {
@@ -510,12 +582,12 @@ impl ViewerApp {
                 orbit.look_as(camera);
             }
         }
-        if !is_preview {
+        if !is_preview && !is_part {
             self.photographs_of_new_model()?;
             self.measuring.forget();
         }
         match self.options.turntable.clone() {
-            Some(folder) if !is_preview => self.start_turntable(folder),
+            Some(folder) if !is_preview && !is_part => self.start_turntable(folder),
             _ => Ok(()),
         }
     }

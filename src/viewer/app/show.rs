@@ -7,6 +7,7 @@ use super::ViewerApp;
 use super::poses::{paint_map, paint_poses};
 use crate::image::PictureMarks;
 use crate::math::camera::Camera;
+use crate::pack::ColorBy;
 use crate::viewer::panel::{self, PanelState, PanelWish, measures};
 use crate::viewer::{ViewerError, help};
 use egui::{Align2, Area, Frame, vec2};
@@ -66,7 +67,13 @@ impl ViewerApp {
         let marks = self.screen.orbit_sphere().and_then(|sphere| {
             // Relative to the middle of the model, which is where the bar has its length.
             let view = camera.view(sphere.center).ok()?;
-            Some(PictureMarks::new(&view, self.marks, Vec3::ZERO, None))
+            let mut marks = PictureMarks::new(&view, self.marks, Vec3::ZERO, None);
+            let shows_colors =
+                self.settings.use_colors && self.settings.color_by == ColorBy::Shading;
+            if let Some(legend) = self.legend.as_ref().filter(|_| shows_colors) {
+                marks.add_legend(legend, 0.0);
+            }
+            Some(marks)
         });
         marks.unwrap_or_default()
     }
@@ -104,6 +111,7 @@ impl ViewerApp {
                 .collect(),
             photographs: self.photograph_state(),
             measures: self.measure_state(),
+            keep: self.keep_state(),
         };
         let poses = self.poses();
         let pose_map = self.pose_map();
@@ -171,6 +179,7 @@ impl ViewerApp {
                 PanelWish::Normals(normals) => self.set_normals(normals),
                 PanelWish::Open(path) => self.open(path, Vec::new()),
                 PanelWish::RemoveMeasure(index) => self.measuring.remove(index),
+                PanelWish::Keep(text) => self.keep(&text),
                 PanelWish::FrameTime(ms) => self.set_frame_time(ms),
                 PanelWish::Photograph(wish) => self.photograph_wish(wish),
                 PanelWish::Show { part, is_shown } => {

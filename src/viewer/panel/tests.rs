@@ -1,8 +1,8 @@
 //! Every control of the panel, found as a screen reader finds it: it has a tooltip that names a key, and that key is one.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod keep_field;
 mod recent;
-
 use super::*;
 use crate::image::MarkChoice;
 use crate::math::camera::HeadlightSource;
@@ -208,6 +208,7 @@ fn state<'a>(settings: &'a Settings, facts: &'a PanelFacts) -> PanelState<'a> {
         parts: Vec::new(),
         photographs: None,
         measures: MeasureState::default(),
+        keep: Some(keep::for_tests()),
     }
 }
 
@@ -372,6 +373,7 @@ fn what_a_click_does_a_key_does() {
                 PanelWish::Settings(new) => {
                     new.depth_offset.is_none() && commands.contains(&KeyCommand::UsualDepthOffset)
                 }
+                PanelWish::Keep(_) => commands.contains(&KeyCommand::Keep),
                 PanelWish::Light(_) => commands.contains(&KeyCommand::Light),
                 PanelWish::Normals(_) => commands.contains(&KeyCommand::Normals),
                 PanelWish::Show { .. }
@@ -384,7 +386,6 @@ fn what_a_click_does_a_key_does() {
                 is_a_keys,
                 "{control:?} asks for {wish:?}, which no key does"
             );
-            // What was changed is kept.
             if let PanelWish::Settings(new) = wish {
                 assert_eq!(StoredLook::of(&new).settings(), Ok(*new));
             }

@@ -13,22 +13,23 @@ impl WindowScreen {
     /// the old one stays.
     pub(in crate::viewer) fn set_model(
         &mut self,
-        model: Model,
-        more: Vec<Model>,
+        model: Arc<Model>,
+        more: Vec<Arc<Model>>,
         scene: Option<DeviceScene>,
     ) -> Result<(), Error> {
         let scene = match scene {
             Some(scene) if scene.is_on(&self.gpu) => scene,
             // The device was lost meanwhile, or not yet open.
             _ => {
-                let models: Vec<&Model> = [&model].into_iter().chain(&more).collect();
+                let models = [&model].into_iter().chain(&more);
+                let models: Vec<&Model> = models.map(Arc::as_ref).collect();
                 DeviceScene::of_models(&self.gpu, &models)?
             }
         };
         self.finish()?;
         self.drop_model();
         self.shown = vec![true; 1 + more.len()];
-        self.model = Some(Arc::new(model));
+        self.model = Some(model);
         self.more = more;
         self.scene = Some(scene);
         Ok(())
@@ -76,7 +77,7 @@ impl WindowScreen {
         self.model
             .as_deref()
             .into_iter()
-            .chain(&self.more)
+            .chain(self.more.iter().map(Arc::as_ref))
             .collect()
     }
 

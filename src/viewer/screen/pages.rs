@@ -9,6 +9,7 @@ use crate::render::paged_model::PagedModel;
 use crate::render::window_renderer::ShownModel;
 use crate::tree::Model;
 use crate::viewer::RestSmoothing;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// A picture whose samples take longer is not made smoother, milliseconds: what is pressed meanwhile would be answered late.
@@ -84,7 +85,8 @@ impl WindowScreen {
         else {
             return Ok(false);
         };
-        let models: Vec<&Model> = [&**model].into_iter().chain(&self.more).collect();
+        let more = self.more.iter().map(Arc::as_ref);
+        let models: Vec<&Model> = [&**model].into_iter().chain(more).collect();
         let shown = ShownModel {
             models: &models,
             scene,

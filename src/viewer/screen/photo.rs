@@ -8,6 +8,7 @@ use crate::render::engine::{Backend, Engine};
 use crate::render::window_renderer::{WINDOW_OUTPUTS, WindowBackend};
 use crate::render::{Method, Settings};
 use crate::tree::Model;
+use std::sync::Arc;
 
 /// Samples a pixel, in each direction.
 const SAMPLES_SIDE: u32 = 4;
@@ -28,7 +29,7 @@ impl WindowScreen {
             .model
             .as_deref()
             .into_iter()
-            .chain(&self.more)
+            .chain(self.more.iter().map(Arc::as_ref))
             .collect();
         let Some(model) = models.first() else {
             return Ok(None);

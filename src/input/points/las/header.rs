@@ -3,7 +3,7 @@
 use super::super::super::job::ReadJob;
 use super::super::super::part::PartFate;
 use super::super::super::{Error, FilePlace};
-use super::super::{bytes_at, text_of};
+use super::super::{bytes_at, system_text, text_of};
 use super::extra::ExtraField;
 
 /// Size of the smallest header (LAS 1.0), of a variable record's head, and of an extended one's.
@@ -231,11 +231,8 @@ impl LasHeader {
                 list("record of extra bytes", PartFate::Used, String::new());
             }
             ("LASF_Projection", 2112) => {
-                list(
-                    "coordinate system",
-                    PartFate::Unneeded,
-                    text_of(record.body),
-                );
+                let text = system_text(record.body);
+                list("coordinate system", PartFate::Unneeded, text);
             }
             ("LASF_Projection", 34737) => {
                 let text: Vec<u8> = record
@@ -243,7 +240,7 @@ impl LasHeader {
                     .iter()
                     .map(|&b| if b == b'|' { b' ' } else { b })
                     .collect();
-                list("coordinate system", PartFate::Unneeded, text_of(&text));
+                list("coordinate system", PartFate::Unneeded, system_text(&text));
             }
             (user, id) => {
                 let name = format!("record {user} {id}");

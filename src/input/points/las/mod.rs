@@ -8,6 +8,7 @@
 mod extra;
 mod fields;
 mod header;
+mod sample;
 mod stream;
 mod unpack;
 mod write;
@@ -20,6 +21,7 @@ use rayon::prelude::*;
 
 use self::fields::{PointLayout, RecordBlock};
 use self::header::{LasHeader, PointPacking};
+use self::sample::SamplePlan;
 use super::super::assemble::{FileCoordinates, RawMesh, StepGrid};
 use super::super::job::ReadJob;
 use super::super::part::PartFate;
@@ -128,6 +130,10 @@ fn read_plain(
         0
     });
     let records = &records[..count * length];
+    if let Some(plan) = SamplePlan::of(job, count as u64, count) {
+        let sample = sample::of_rows(&sink.layout, records, plan);
+        sample::give(job, header, &[sample]);
+    }
     let mut done = header.points_at;
     for batch in records.chunks(PIECE * PIECES_A_BATCH * length) {
         let layout = &sink.layout;

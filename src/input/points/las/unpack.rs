@@ -16,6 +16,7 @@ use super::super::guard::guarded;
 use super::super::{bytes_at, check_unpacked};
 use super::fields::{PointLayout, RecordBlock};
 use super::header::{LasHeader, PointPacking};
+use super::sample::{self, SamplePlan};
 use super::{PIECE, PointSink};
 use crate::mesh::stream::StreamError;
 use crate::progress::{Progress, SilentProgress};
@@ -78,6 +79,9 @@ pub(super) fn read(
             let planned = chunks.iter().map(|chunk| chunk.points).sum();
             let bytes = header.record_bytes as u64;
             check_unpacked(job, planned, bytes, data.len() as u64)?;
+            if let Some(plan) = SamplePlan::of(job, planned, chunks.len()) {
+                sample::give(job, header, &points.sample(&chunks, plan));
+            }
             read_chunks(job, &points, &chunks, sink)
         }
         // Cut off before the table, or written to a stream that could not go back.
@@ -379,6 +383,30 @@ impl PackedPoints<'_> {
                 work()
             }
         }
+    }
+
+    /// The first points of many chunks; of damaged ones nothing, which the reader says after.
+    fn sample(&self, chunks: &[LazChunk], plan: SamplePlan) -> Vec<RecordBlock> {
+        let layout = self.layout.clone().without_fields();
+        let points = PackedPoints {
+            items: self.items,
+            layout: &layout,
+            ..*self
+        };
+        let chosen: Vec<LazChunk> = (chunks.iter().step_by(plan.step))
+            .map(|chunk| LazChunk {
+                points: chunk.points.min(plan.points as u64),
+                ..*chunk
+            })
+            .collect();
+        let unpacked: Vec<UnpackedChunk> = points.with_room(|| {
+            chosen
+                .par_iter()
+                .map(|chunk| points.unpack(*chunk))
+                .collect()
+        });
+        let whole = unpacked.into_iter().filter(|chunk| chunk.failure.is_none());
+        whole.flat_map(|chunk| chunk.blocks).collect()
     }
 
     fn unpack(&self, chunk: LazChunk) -> UnpackedChunk {

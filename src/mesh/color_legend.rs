@@ -1,0 +1,24 @@
+//! Meaning of colors that stand for numbers, to be shown beside them.
+
+/// Colors and the values that they stand for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColorLegend {
+    /// Name of the attribute.
+    pub title: String,
+    /// Colors with their values.
+    pub entries: LegendEntries,
+}
+
+/// Values of colors.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LegendEntries {
+    /// Colors at even steps from one value to another.
+    Scale {
+        /// Red, green and blue, from the lowest value on.
+        colors: Vec<[u8; 3]>,
+        /// The lowest, middle and highest value, as they are written.
+        values: [String; 3],
+    },
+    /// Categories, each with its color.
+    List(Vec<([u8; 3], String)>),
+}

@@ -1,0 +1,111 @@
+//! What is kept of a scan in the window: a part of the tree that is there, and all of it again.
+
+use crate::display::{Display, changed, load, must_succeed, run};
+use crate::render;
+use serde_json::{Value, json};
+
+/// Steps of a recording.
+#[derive(Default)]
+struct Steps(Vec<String>);
+
+impl Steps {
+    fn add(&mut self, step: u32, event: Value) {
+        let time = f64::from(step) / 10.0;
+        let entry = json!({"step": step, "time": time, "event": event});
+        self.0.push(entry.to_string());
+    }
+
+    fn click(&mut self, step: u32, at: [f64; 2]) {
+        self.add(step, json!({ "cursor": at }));
+        for (is_down, later) in [(true, 1), (false, 2)] {
+            let button = json!({"button": "left", "pressed": is_down, "modifiers": {}});
+            self.add(step + later, json!({ "button": button }));
+        }
+    }
+
+    fn key(&mut self, step: u32, key: Value, control: bool) {
+        let modifiers = json!({ "control": control });
+        let key = json!({"key": key, "pressed": true, "modifiers": modifiers});
+        self.add(step, json!({ "key": key }));
+    }
+}
+
+#[test]
+fn parts_are_kept_by_boxes_words_and_a_key() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let text = |name: &str| file(name).to_str().unwrap().to_owned();
+    let rows: String = (0..400)
+        .map(|i| {
+            let (x, y) = (f64::from(i % 20), f64::from(i / 20));
+            format!("{x},{y},{},{}\n", 0.25 * x, 2 + 4 * (i % 2))
+        })
+        .collect();
+    std::fs::write(file("a.csv"), format!("x,y,z,class\n{rows}")).unwrap();
+    let (model, camera) = (text("a.csv"), text("c.json"));
+    // The panel takes 276 columns.
+    let first = [
+        &model,
+        "--save-camera",
+        &camera,
+        "--size",
+        "324x500",
+        "--orbit",
+        "20,50,1",
+    ];
+    render(&first, &file("first.png"));
+    let look = [&model, "--camera", &camera, "--size", "324x500"];
+    let look = &look[..];
+    let window = [&model, "--camera", &camera, "--smooth", "off"];
+    let mut steps = Steps::default();
+    steps.add(
+        0,
+        json!({"size": {"width": 600, "height": 500, "scale": 1.0}}),
+    );
+    steps.add(1, json!({ "loaded": model }));
+    // The box before "2 ground" of the panel.
+    steps.click(5, [17.0, 177.0]);
+    steps.add(10, json!({ "loaded": model }));
+    steps.add(12, json!({"cursor": [590.0, 490.0]}));
+    steps.key(20, json!({"char": "k"}), true);
+    steps.add(22, json!({ "loaded": model }));
+    // The field above.
+    steps.click(30, [150.0, 154.0]);
+    for (at, letter) in (35..).zip("class=2 height=..2".chars()) {
+        steps.add(at, json!({ "text": letter }));
+    }
+    steps.key(60, json!("enter"), false);
+    steps.add(62, json!({ "loaded": model }));
+    steps.add(64, json!({"cursor": [590.0, 490.0]}));
+    let recording = format!("{{\"surfel_input\":1}}\n{}\n", steps.0.join("\n"));
+    std::fs::write(file("input.jsonl"), recording).unwrap();
+    let mut command = display.surfel(&window);
+    command.args(["--validate", "--panel", "on", "--headless", "--replay"]);
+    command.arg(file("input.jsonl"));
+    command.args(["--pictures", &text("pictures")]);
+    must_succeed(&run(command.current_dir(folder.path())));
+    let shown = |step: u32| {
+        let picture = load(&file("pictures").join(format!("step-{step:06}.png")));
+        image::imageops::crop_imm(&picture, 276, 0, 324, 500).to_image()
+    };
+    let drawn = |more: &[&str]| render(&[look, more].concat(), &file("drawn.png"));
+    let whole = drawn(&[]);
+    let part = drawn(&["--keep", "class=6"]);
+    assert!(changed(&whole, &part) > 1000);
+    for (step, wanted, what) in [
+        (2, &whole, "all"),
+        (12, &part, "a class"),
+        (23, &whole, "all again"),
+        (
+            64,
+            &drawn(&["--keep", "class=2", "--keep", "height=..2"]),
+            "words",
+        ),
+    ] {
+        let differ = changed(&shown(step), wanted);
+        assert!(differ < 100, "{what}: {differ} pixels differ");
+    }
+}
