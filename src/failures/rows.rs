@@ -71,7 +71,7 @@ const fn bound(
     }
 }
 
-/// What the near plane cuts of a surface.
+/// Reason beside what the near plane cuts of a surface.
 const BEFORE_NEAR: &str =
     "splats whose center is before the near plane are left out: half a splat beside the cut";
 

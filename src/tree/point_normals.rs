@@ -62,7 +62,7 @@ impl OrientedPoints {
         }
     }
 
-    /// Whether the sum of the normals tells a side.
+    /// Tells whether the sum of the normals has a side.
     fn has_side(&self) -> bool {
         self.normal.length() >= LEAST_SHARE * self.weight
     }

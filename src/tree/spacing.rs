@@ -314,7 +314,7 @@ impl SpacingSearch<'_> {
         (spacing, plane)
     }
 
-    /// Whether the given normal of a point agrees with those of half of its neighbors.
+    /// Tells whether the given normal of a point agrees with those of half of its neighbors.
     fn agrees_with(&self, nearest: &NearestPoints, index: u32) -> bool {
         let Some(own) = self.given.get(index as usize) else {
             return false;
