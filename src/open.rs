@@ -25,6 +25,7 @@ use crate::math::camera::Camera;
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
+use crate::mesh::color_legend::LegendEntries;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::mesh::placement::MeshPlacement;
 use crate::pages;
@@ -303,6 +304,8 @@ pub fn open_with_preview(
         // Places that were moved are on no grid of the file.
         attributes.grid = None;
     }
+    attributes.are_colors_categories = input::legend_of(&found.warnings)
+        .is_some_and(|legend| matches!(legend.entries, LegendEntries::List(_)));
     let estimates = options.tree.point_normals == PointNormals::Estimate;
     let mut has_estimated_normals = false;
     let (model, build_ms) = match content {

@@ -145,14 +145,19 @@ impl CrossSectionArgs {
     fn open(&self, quiet: bool) -> Result<Vec<OpenedModel>, CommandFailure> {
         let placements = self.placement.of_models(1 + self.more.len())?;
         let paths = [&self.source.model].into_iter().chain(&self.more);
-        let open = |(path, placement): (&PathBuf, _)| {
+        let mut opened: Vec<OpenedModel> = Vec::with_capacity(1 + self.more.len());
+        for (path, placement) in paths.zip(placements) {
+            let color = match opened.first() {
+                Some(first) => self.color.as_beside(first),
+                None => self.color.clone(),
+            };
             let source = ModelArgs {
                 model: path.clone(),
                 ..self.source.clone()
             };
-            source.open_as(&self.color, false, placement, &JobBar::new(quiet))
-        };
-        paths.zip(placements).map(open).collect()
+            opened.push(source.open_as(&color, false, placement, &JobBar::new(quiet))?);
+        }
+        Ok(opened)
     }
 
     /// The part of the picture that shows the section.

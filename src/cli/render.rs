@@ -331,13 +331,14 @@ impl RenderArgs {
         quiet: bool,
     ) -> Result<Vec<OpenedModel>, CommandFailure> {
         let mut others = Vec::with_capacity(self.more.len());
+        let color = self.color.as_beside(first);
         for (path, placement) in self.more.iter().zip(placements) {
             let source = ModelArgs {
                 model: path.clone(),
                 ..self.source.clone()
             };
             let mut other =
-                source.open_as(&self.color, streams_pages, *placement, &JobBar::new(quiet))?;
+                source.open_as(&color, streams_pages, *placement, &JobBar::new(quiet))?;
             let moving = JobBar::new(quiet);
             let origin = first.model.origin;
             other.model = match &other.paged {

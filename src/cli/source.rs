@@ -6,6 +6,7 @@ use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
 use surfel::input::{self, ColorSetting, FieldCondition, PointColoring, PointFilter};
+use surfel::mesh::color_legend::ColorLegend;
 use surfel::mesh::creases::USUAL_CREASE_DEGREES;
 use surfel::mesh::placement::MeshPlacement;
 use surfel::progress::Progress;
@@ -253,7 +254,7 @@ pub(crate) struct ColorArgs {
     /// What colors the points: `--color-by` of the look.
     #[arg(skip)]
     pub(crate) by: Option<PointColoring>,
-    /// Values of the first and the last color of points by --color-by [default: those that 2% of the points are below and above]
+    /// Values of the first and the last color of points by --color-by [default: those that 2% of the first model's points are below and above]
     #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, allow_hyphen_values = true)]
     color_range: Option<[f64; 2]>,
 }
@@ -271,6 +272,15 @@ fn parse_range(text: &str) -> Result<[f64; 2], String> {
 }
 
 impl ColorArgs {
+    /// The same over the range of a model that is shown with what they color, where none is given.
+    pub(crate) fn as_beside(&self, first: &OpenedModel) -> Self {
+        let of_first = input::legend_of(&first.warnings).and_then(ColorLegend::range);
+        Self {
+            by: self.by.clone(),
+            color_range: self.color_range.or(of_first),
+        }
+    }
+
     /// The setting of the options of opening.
     pub(crate) fn setting(&self) -> Result<Option<ColorSetting>, CommandFailure> {
         let range = self.color_range;

@@ -21,7 +21,7 @@ impl PictureMarks {
         let top = TOP_PX * self.size as f32;
         self.add_words(left, top, &legend.title);
         match &legend.entries {
-            LegendEntries::Scale { colors, values } => {
+            LegendEntries::Scale { colors, values, .. } => {
                 let first = top + 0.8 * self.px(ROW_PX);
                 let last = BAR_PX - 1;
                 for row in 0..BAR_PX {
@@ -98,6 +98,7 @@ mod tests {
             entries: LegendEntries::Scale {
                 colors: (0..=255).map(|i| [i, 0, 255 - i]).collect(),
                 values: ["1", "2", "3"].map(str::to_owned),
+                range: [1.0, 3.0],
             },
         };
         for size in [1, 2] {

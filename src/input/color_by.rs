@@ -212,6 +212,7 @@ fn scale_of([low, high]: [f64; 2]) -> LegendEntries {
     LegendEntries::Scale {
         colors: (0..=255).map(color).collect(),
         values: [low, 0.5 * (low + high), high].map(|value| rounded(value).to_string()),
+        range: [low, high],
     }
 }
 
@@ -378,9 +379,10 @@ mod tests {
         let ReadWarning::ColoredBy { legend, .. } = &found.remark else {
             panic!("{:?}", found.remark)
         };
-        let LegendEntries::Scale { colors, values } = &legend.entries else {
+        let LegendEntries::Scale { colors, values, .. } = &legend.entries else {
             panic!("{legend:?}")
         };
+        assert_eq!(legend.range(), Some([0.0, 100.0]));
         assert_eq!(*values, ["0", "50", "100"].map(str::to_owned));
         for (at, step) in [(0, 0), (20, 51), (100, 255)] {
             assert_eq!(found.colors[at][..3], colors[step]);

@@ -356,6 +356,7 @@ mod tests {
         let some = PointAttributes {
             columns,
             grid: None,
+            are_colors_categories: false,
         };
         assert_eq!(filter.known_to(&some), filter);
     }
@@ -379,6 +380,7 @@ mod tests {
                 angle,
             ],
             grid: None,
+            are_colors_categories: false,
         };
         let origin = DVec3::new(600_000.0, -4e6, 0.1);
         let places = [

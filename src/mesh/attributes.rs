@@ -12,6 +12,8 @@ pub struct PointAttributes {
     pub columns: Vec<AttributeColumn>,
     /// The grid on which the file has the positions; `None` where it has them as floating-point numbers.
     pub grid: Option<CoordinateGrid>,
+    /// Colors of the points stand for categories, which have no mean.
+    pub are_colors_categories: bool,
 }
 
 /// Coordinates that are whole numbers of steps: `offset + step * n`.
@@ -454,6 +456,7 @@ mod tests {
         let mut attributes = PointAttributes {
             columns: vec![column],
             grid: None,
+            are_colors_categories: false,
         };
         assert_eq!(attributes.bytes_a_point(), 2);
         assert!(attributes.find("Angle").is_some() && attributes.find("time").is_none());

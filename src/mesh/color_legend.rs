@@ -18,7 +18,19 @@ pub enum LegendEntries {
         colors: Vec<[u8; 3]>,
         /// The lowest, middle and highest value, as they are written.
         values: [String; 3],
+        /// The lowest and the highest value.
+        range: [f64; 2],
     },
     /// Categories, each with its color.
     List(Vec<([u8; 3], String)>),
+}
+
+impl ColorLegend {
+    /// The values of the first and the last color; `None` for categories.
+    pub fn range(&self) -> Option<[f64; 2]> {
+        match self.entries {
+            LegendEntries::Scale { range, .. } => Some(range),
+            LegendEntries::List(_) => None,
+        }
+    }
 }

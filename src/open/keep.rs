@@ -19,10 +19,14 @@ pub(super) fn build(
     attributes: &mut PointAttributes,
     progress: &dyn Progress,
 ) -> Result<Model, tree::Error> {
+    // Colors by categories come from a column.
     if attributes.is_empty() || !mesh.is_cloud() {
         return tree::build(mesh, options, progress);
     }
-    let (model, order) = tree::build_ordered(mesh, options, progress)?;
+    let (mut model, order) = tree::build_ordered(mesh, options, progress)?;
+    if attributes.are_colors_categories {
+        model.color_by_majority();
+    }
     attributes.reorder(&order);
     Ok(model)
 }
@@ -115,8 +119,13 @@ pub(crate) fn kept_part(
     let attributes = PointAttributes {
         columns: columns.collect(),
         grid: attributes.grid,
+        are_colors_categories: attributes.are_colors_categories,
     };
-    Ok((model.kept(mask, progress)?, attributes))
+    let mut part = model.kept(mask, progress)?;
+    if attributes.are_colors_categories {
+        part.color_by_majority();
+    }
+    Ok((part, attributes))
 }
 
 impl OpenedModel {
@@ -144,5 +153,51 @@ impl OpenedModel {
             filter: filter.to_string(),
         });
         Ok(self)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use crate::input::{ColorSetting, PointColoring};
+    use crate::open::OpenOptions;
+    use crate::progress::SilentProgress;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn nodes_of_categories_have_no_color_of_their_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let row = |i: u32| format!("{},{},0,{},{i}\n", i % 20, i / 20, 2 + i % 3);
+        let rows: String = (0..400).map(row).collect();
+        std::fs::write(&path, format!("x,y,z,class,intensity\n{rows}")).unwrap();
+        let opened = |name: &str| {
+            let mut options = OpenOptions::default();
+            options.input.color = Some(ColorSetting {
+                by: PointColoring::Attribute(name.to_owned()),
+                range: None,
+            });
+            crate::open(&path, &options, &SilentProgress).unwrap()
+        };
+        let colors_of = |model: &Model| {
+            let rgb = |[red, green, blue, _]: [u8; 4]| [red, green, blue];
+            let points: BTreeSet<_> = model.vertices.iter().map(|v| rgb(v.color)).collect();
+            let nodes: BTreeSet<_> = (model.tree.attributes.iter())
+                .map(|own| rgb(own.color))
+                .collect();
+            (points, nodes)
+        };
+        let classes = opened("class");
+        let mask: Vec<bool> = (0..400).map(|i| i % 4 != 0).collect();
+        let whole = (&classes.model, &classes.attributes);
+        let (part, _) = kept_part(whole, &mask, &SilentProgress).unwrap();
+        for model in [&classes.model, &part] {
+            let (points, nodes) = colors_of(model);
+            assert!(points.len() == 3 && nodes.is_subset(&points), "{nodes:?}");
+        }
+        // Quantities have means.
+        let (points, nodes) = colors_of(&opened("intensity").model);
+        assert!(!nodes.is_subset(&points));
     }
 }

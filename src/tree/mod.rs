@@ -16,6 +16,7 @@ mod grow;
 mod inside;
 mod keep;
 mod kind;
+mod majority;
 mod moments;
 mod moved;
 mod neighborhood;

@@ -106,6 +106,7 @@ mod tests {
                 ..AttributeColumn::new("class", AttributeKind::Category, NumberType::U8)
             }],
             grid: None,
+            are_colors_categories: false,
         };
         attributes.reorder(&order);
         WholeModel {

@@ -6,11 +6,11 @@ use super::load_progress::SharedProgress;
 use super::preview;
 use super::text::unopened;
 use crate::gpu::{self, Gpu, lock};
-use crate::input::ReadWarning;
-use crate::input::{FilePart, PointFilter};
+use crate::input::{FilePart, PointFilter, ReadWarning, legend_of};
 use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
+use crate::mesh::color_legend::ColorLegend;
 use crate::mesh::placement::MeshPlacement;
 use crate::open::{OpenOptions, open_with_preview};
 use crate::progress::Progress;
@@ -59,6 +59,8 @@ pub struct ModelRequest {
     pub placement: MeshPlacement,
     /// Crease angle of [`crate::tree::BuildOptions`].
     pub crease_degrees: Option<f32>,
+    /// Range of the colors of the model that it is shown with, where they stand for a quantity.
+    pub color_range: Option<[f64; 2]>,
 }
 
 /// A model that was loaded.
@@ -167,6 +169,9 @@ impl ModelLoader {
             let mut options = options.clone();
             options.placement = request.placement;
             options.tree.crease_degrees = request.crease_degrees;
+            if let Some(setting) = &mut options.input.color {
+                setting.range = setting.range.or(request.color_range);
+            }
             let mut on_mesh = |mesh: &Mesh| {
                 // It would show what is not kept.
                 if options.keep.is_empty()
@@ -224,6 +229,7 @@ impl ModelLoader {
             path: path.to_owned(),
             placement: placed.map_or_else(MeshPlacement::default, |(_, placement)| *placement),
             crease_degrees: self.crease_degrees,
+            color_range: None,
         }
     }
 
@@ -259,7 +265,9 @@ impl ModelLoader {
             let opened = open(&target, progress.as_ref(), &mut on_preview);
             progress.give_sample_to(None);
             let result = opened.and_then(|mut loaded| {
-                for request in more {
+                let color_range = legend_of(&loaded.warnings).and_then(ColorLegend::range);
+                for mut request in more {
+                    request.color_range = color_range;
                     match open(&request, progress.as_ref(), &mut |_| ()) {
                         Ok(other) => loaded.add(request.path, other, progress.as_ref()),
                         Err(error) => {

@@ -286,6 +286,7 @@ mod tests {
                 step: DVec3::new(0.01, 0.01, 0.001),
                 offset: DVec3::ZERO,
             }),
+            are_colors_categories: false,
         };
         let column = |name: &str, kind, values| AttributeColumn {
             values,

@@ -178,6 +178,41 @@ fn the_tree_of_another_program_is_a_cloud() {
     );
 }
 
+/// Tiles of one place: a value has one color in all of them.
+#[test]
+fn several_clouds_are_colored_over_the_range_of_the_first() {
+    let made = tempfile::tempdir().unwrap();
+    let tile = |name: &str, first: i32| {
+        let path = made.path().join(name);
+        let row = |i: i32| format!("{},{},0,{}\n", i % 10 + first, i / 10, i + first);
+        let rows: String = (0..100).map(row).collect();
+        std::fs::write(&path, format!("x,y,z,intensity\n{rows}")).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let (low, high) = (tile("low.csv", 0), tile("high.csv", 50));
+    let picture = made.path().join("a.png");
+    let picture = picture.to_str().unwrap();
+    for more in [&["--backend", "cpu"][..], &["--color-range", "7,9"]] {
+        let said = "colors show intensity: dark blue 2 to yellow 97";
+        let said = match more[0] {
+            "--backend" => said,
+            _ => "colors show intensity: dark blue 7 to yellow 9",
+        };
+        let args = [
+            "render",
+            &low,
+            &high,
+            "-o",
+            picture,
+            "--color-by",
+            "intensity",
+        ];
+        let run = surfel(args.iter().chain(more));
+        assert_eq!(run.code, 0, "{}", run.err);
+        assert_eq!(run.err.matches(said).count(), 2, "{}", run.err);
+    }
+}
+
 #[test]
 fn clouds_are_listed_and_colored_by_what_they_carry() {
     let made = tempfile::tempdir().unwrap();

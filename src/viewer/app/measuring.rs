@@ -30,6 +30,7 @@ impl ViewerApp {
         static NOTHING: PointAttributes = PointAttributes {
             columns: Vec::new(),
             grid: None,
+            are_colors_categories: false,
         };
         let models = self.screen.models();
         let part = picked.part.unwrap_or(0);
