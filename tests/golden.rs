@@ -13,7 +13,9 @@ mod common;
 
 use catalog::{GoldenCase, PictureExecutor, cases};
 use common::Device;
-use common::pictures::{GOLDEN_DEVICE, GOLDEN_PATCHES, GOLDEN_REFERENCE, PictureOracle};
+use common::pictures::{
+    GOLDEN_DEVICE, GOLDEN_DEVICE_CUT, GOLDEN_PATCHES, GOLDEN_REFERENCE, PictureOracle,
+};
 use std::path::{Path, PathBuf};
 use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::gpu::device::DeviceKind;
@@ -256,7 +258,11 @@ fn what_a_graphics_card_is_asked_for_are_the_goldens() {
                 by_cut += usize::from(has("cut.tree"));
                 let image = engine.read(&view).unwrap();
                 let name = format!("{model_name}-{}", case.name);
-                let verdict = judge(&goldens(), &name, &image, GOLDEN_DEVICE, &left);
+                let oracle = match has("cut.tree") {
+                    true => GOLDEN_DEVICE_CUT,
+                    false => GOLDEN_DEVICE,
+                };
+                let verdict = judge(&goldens(), &name, &image, oracle, &left);
                 wrong.extend(verdict.err());
             }
         }

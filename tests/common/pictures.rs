@@ -192,10 +192,11 @@ oracles! {
         picture_share(DepthShare(1e-3), 1, 1e-3),
     ];
     /// Large splats by the processor and by the rasterizer. Depths that are the same but for their last place decide between
-    /// splats, and samples of triangles between the rasterizer's: 0.01 percent of the pixels, and two.
+    /// splats, and samples of triangles between the rasterizer's: 0.01 percent of the pixels, and two. A last place of a size moves
+    /// an edge of a large square by a pixel: one of 24 pixels.
     CPU_LARGE_AS_RASTER: 100, &[
-        picture_share(LOOK, 2, 1e-4),
-        picture_share(DepthShare(1e-3), 2, 1e-4),
+        picture_share(LOOK, 26, 1e-4),
+        picture_share(DepthShare(1e-3), 26, 1e-4),
     ];
     /// Many surfaces at exactly the same distance: which is seen may differ in single pixels.
     EQUALLY_FAR: 100, &[
@@ -323,6 +324,12 @@ oracles! {
     GOLDEN_DEVICE: 0, &[
         picture_share(Color(1), 0, 1e-3),
         picture_share(Coverage(1), 0, 1e-3),
+    ];
+    /// A device that cuts by itself and a kept picture. Its threads write the list in the order in which they end, and of two equally
+    /// deep squares the first of the list wins: at most 18 pixels were seen, on a busy machine. As many again.
+    GOLDEN_DEVICE_CUT: 0, &[
+        picture_share(Color(1), 20, 1e-3),
+        picture_share(Coverage(1), 20, 1e-3),
     ];
     /// The reference and a kept picture. It rounds nothing as a device does: [`REFERENCE_NEEDLES`] grants a hundredth of
     /// the covered pixels where all is edge, here half of the picture.
