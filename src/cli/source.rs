@@ -272,7 +272,7 @@ fn parse_range(text: &str) -> Result<[f64; 2], String> {
 }
 
 impl ColorArgs {
-    /// The same over the range of a model that is shown with what they color, where none is given.
+    /// Colors for a model shown beside a first one: over that one's range, where the arguments give none.
     pub(crate) fn as_beside(&self, first: &OpenedModel) -> Self {
         let of_first = input::legend_of(&first.warnings).and_then(ColorLegend::range);
         Self {

@@ -145,7 +145,7 @@ pub enum ReadWarning {
         name: String,
         /// What the colors mean.
         meaning: String,
-        /// The same to be shown beside them.
+        /// Legend that pictures show: the meaning as colors with their values.
         legend: ColorLegend,
     },
     /// A part was asked for.

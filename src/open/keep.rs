@@ -98,7 +98,7 @@ fn what_leaves_are(model: &Model) -> &'static str {
 /// The part of a model whose leaves are marked, and what its points carry.
 ///
 /// # Errors
-/// As [`Model::kept`].
+/// A choice for another number of leaves; cancelled.
 pub(crate) fn kept_part(
     (model, attributes): (&Model, &PointAttributes),
     mask: &[bool],

@@ -3,7 +3,7 @@
 use super::Model;
 use rayon::prelude::*;
 
-/// Most colors that are told apart below a node; further ones count for none. Legends list twelve, classes are nineteen.
+/// Most colors that are told apart below a node; further ones are not counted. LAS names 19 classes, the palette has 12 colors.
 const MOST_COLORS: usize = 32;
 
 /// Nodes per parallel piece.

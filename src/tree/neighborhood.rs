@@ -23,7 +23,7 @@ pub(super) struct NeighborPlane {
     /// Which part of the distance that closes a surface the point's radius is: 1 where its neighbors lie about in a plane, a
     /// third where they lie on a line or all around it; between, it falls evenly. 1 for fewer than three.
     pub(super) share: f32,
-    /// True of neighbors on a line rather than all around.
+    /// Neighbors lie on a line rather than all around.
     pub(super) is_line: bool,
     /// Normal of the plane through them, either way around: the direction of least variance. Zero where they make no surface.
     pub(super) normal: Vec3,

@@ -21,12 +21,13 @@ const LEAST_SHARE: f32 = 0.65;
 /// Weighted sums over points with normals.
 #[derive(Debug, Clone, Copy, Default)]
 struct OrientedPoints {
+    /// Sum of the weights of points that have a normal.
     weight: f32,
-    /// Of positions.
+    /// Weighted sum of positions, model space.
     place: Vec3,
-    /// Of normals.
+    /// Weighted sum of unit normals.
     normal: Vec3,
-    /// Of normal times position: the flux of positions through the surface.
+    /// Weighted sum of normal times position, a flux: grows where normals point away from the model's zero.
     flux: f32,
 }
 

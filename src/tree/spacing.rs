@@ -37,10 +37,11 @@ pub(super) struct CloudSpacing {
 /// Normals of the points of a cloud, as its spacing meets them.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum CloudNormals<'a> {
-    /// Of each, from its file; zero where it has none.
+    /// Normals from the file, one a point; zero where it has none.
     Given(&'a [Vec3]),
-    /// To be found by neighbors.
+    /// Normals are to be found by the planes of neighbors.
     Wanted,
+    /// Nobody asks for normals.
     Unwanted,
 }
 

@@ -241,11 +241,11 @@ impl ModelLoader {
         self.start_all(path, &[])
     }
 
-    /// As [`ModelLoader::start`], with more models to be drawn with the first. Those of them that cannot be opened are told
-    /// in [`LoadedModel::failures`].
+    /// Starts to load `path` and more models to be drawn with it; a job that still runs is cancelled and forgotten. Those of
+    /// `more` that cannot be opened are told in [`LoadedModel::failures`].
     ///
     /// # Errors
-    /// As there.
+    /// When the system has no thread left.
     pub fn start_all(&mut self, path: &Path, more: &[PathBuf]) -> std::io::Result<()> {
         let (open, target) = (self.open.clone(), self.request(0, path));
         let more = more.iter().enumerate();

@@ -188,9 +188,9 @@ pub(super) struct ViewerApp {
     /// What the points of each model carry.
     attributes: Vec<Arc<PointAttributes>>,
     kept: KeptParts,
-    /// What is shown is a sample of a few points.
+    /// A sample of a few points is shown, until the model is there.
     is_sample: bool,
-    /// When one came, whose view the model's own replaces unless it was moved.
+    /// Time at which a sample came. The model's own view takes the place of its view, unless that was moved.
     sampled_at: Option<f64>,
     coordinate_system: Option<String>,
     /// Meaning of the colors of points.

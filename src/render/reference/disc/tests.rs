@@ -170,7 +170,7 @@ fn a_disc_at_the_near_plane_faces_the_viewer() {
     ));
 }
 
-/// Of two discs that touch a ball each shows its middle, and they meet about half way.
+/// Two discs that touch a ball show each its middle and meet about half way.
 #[test]
 fn discs_of_a_ball_meet_about_half_way() {
     let view = perspective(2000);
