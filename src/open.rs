@@ -10,6 +10,7 @@ pub mod export;
 pub mod file_place;
 pub(crate) mod keep;
 mod paged;
+pub mod recolor;
 mod stream;
 mod surface_section;
 #[cfg(test)]
@@ -242,6 +243,8 @@ pub struct OpenedModel {
     pub attributes: PointAttributes,
     /// Normals of points are estimated: the file has none.
     pub has_estimated_normals: bool,
+    /// Tells whether the file says where scanners stood: estimated normals are on their side.
+    pub knows_scanners: bool,
     /// The file whose pages the model stands in for; `None` where the model is all.
     pub paged: Option<PagedFile>,
     /// The axis that is up, as far as format and place tell.
@@ -283,15 +286,7 @@ pub fn open_with_preview(
     if let Some(setting) = &options.input.color
         && !matches!(found.format, SourceFormat::Mesh(_))
     {
-        return Err(input::Error::UnknownAttribute {
-            path: source.to_owned(),
-            name: match &setting.by {
-                input::PointColoring::Height => "height".to_owned(),
-                input::PointColoring::Attribute(name) => name.clone(),
-            },
-            known: "nothing but its own colors (color the file that it is built from)".to_owned(),
-        }
-        .into());
+        return Err(recolor::refused(source, setting).into());
     }
     let placed = place(found.content, &options.placement);
     let content = placed.map_err(|cause| input::Error::Placement {
@@ -307,7 +302,7 @@ pub fn open_with_preview(
     attributes.are_colors_categories = input::legend_of(&found.warnings)
         .is_some_and(|legend| matches!(legend.entries, LegendEntries::List(_)));
     let estimates = options.tree.point_normals == PointNormals::Estimate;
-    let mut has_estimated_normals = false;
+    let (mut has_estimated_normals, mut knows_scanners) = (false, false);
     let (model, build_ms) = match content {
         OpenedContent::Model(model) => (*model, 0.0),
         OpenedContent::Mesh(mut mesh) => {
@@ -318,6 +313,7 @@ pub fn open_with_preview(
                 None => building.crease_degrees = Some(USUAL_CREASE_DEGREES),
             }
             has_estimated_normals = estimates && mesh.is_cloud() && mesh.normals.is_empty();
+            knows_scanners = mesh.scanners.is_any_known();
             on_mesh(&mesh);
             let start = Instant::now();
             let model = keep::build(mesh, &building, &mut attributes, progress)?;
@@ -352,6 +348,7 @@ pub fn open_with_preview(
         parts: found.parts,
         attributes,
         has_estimated_normals,
+        knows_scanners,
         up,
         paged: found.paged,
         scene: found.scene,

@@ -84,7 +84,7 @@ fn picture(
     let outputs = pictures::with_depth(false);
     let engine = Engine::new(backend, &stand_in, SIZE, outputs).unwrap();
     let mut engine = match backend {
-        Backend::Mirror => engine.with_subpixel_bits(common::subpixel_bits()),
+        Backend::Reference => engine.with_subpixel_bits(common::subpixel_bits()),
         _ => engine,
     };
     engine.set_pages(0, pages);
@@ -136,7 +136,7 @@ fn hold_to_reference(backend: &Backend, path: Path) -> usize {
                         path: Path::Auto,
                         ..settings
                     };
-                    let wanted = picture(&Backend::Mirror, opened(&file, memory), &view, &plain);
+                    let wanted = picture(&Backend::Reference, opened(&file, memory), &view, &plain);
                     oracle.assert_same(&wanted.unwrap().0, &own, &what);
                     drawn += 1;
                 }
@@ -246,7 +246,7 @@ fn patches_of_pages_are_drawn_alike_by_all_and_refused_where_there_are_none() {
                 let settings = by_error(path, 1.0);
                 let own = picture(backend, opened(&file, memory), &view, &settings);
                 let wanted = by_error(Path::Auto, 1.0);
-                let wanted = picture(&Backend::Mirror, opened(&file, memory), &view, &wanted);
+                let wanted = picture(&Backend::Reference, opened(&file, memory), &view, &wanted);
                 let (wanted, own) = (wanted.unwrap().0, own.unwrap().0);
                 let (off, missing) = differences(&own, &wanted);
                 let covered = wanted.color.iter().filter(|c| c[3] > 0).count();
@@ -528,7 +528,11 @@ fn several_files_and_models_are_drawn_together_and_can_be_hidden() {
     let second = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
     let moved = second
         .clone()
-        .moved_to(first.origin, &SilentProgress)
+        .moved_to(
+            first.origin,
+            &mut surfel::mesh::attributes::PointAttributes::default(),
+            &SilentProgress,
+        )
         .unwrap();
     let files = [paged(&first), paged(&second)];
     let joined = whole_model(&files[0], &SilentProgress).unwrap();
@@ -538,7 +542,7 @@ fn several_files_and_models_are_drawn_together_and_can_be_hidden() {
         ..settings_of(SplatKind::Square, 1.0)
     };
     let device = Device::open();
-    let mut backends = vec![Backend::Cpu, Backend::Mirror];
+    let mut backends = vec![Backend::Cpu, Backend::Reference];
     backends.extend(
         device
             .as_ref()

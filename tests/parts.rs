@@ -11,6 +11,9 @@ use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
+use surfel::mesh::attributes::{
+    AttributeColumn, AttributeKind, AttributeValues, NumberType, PointAttributes,
+};
 use surfel::pack::ColorBy;
 use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
@@ -122,7 +125,7 @@ fn picture(
 ) -> Option<Image> {
     let engine = Engine::of_models(backend, models, SIZE, outputs()).unwrap();
     let mut engine = match backend {
-        Backend::Mirror => engine.with_subpixel_bits(common::subpixel_bits()),
+        Backend::Reference => engine.with_subpixel_bits(common::subpixel_bits()),
         _ => engine,
     };
     engine.render(view, settings).ok()
@@ -143,7 +146,7 @@ fn hold_to_reference(backend: &Backend, models: &[&Model], path: Path) -> usize 
                 path: Path::Auto,
                 ..settings
             };
-            let wanted = picture(&Backend::Mirror, models, &view, &plain).unwrap();
+            let wanted = picture(&Backend::Reference, models, &view, &plain).unwrap();
             oracle.assert_same(&wanted, &drawn, &what);
         }
     }
@@ -187,7 +190,7 @@ fn two_halves_are_the_whole() {
     let halves: Vec<&Model> = halves.iter().collect();
     assert!(halves.iter().all(|half| half.triangles.len() > 5_000));
     let device = Device::open();
-    let mut backends = vec![Backend::Cpu, Backend::Mirror];
+    let mut backends = vec![Backend::Cpu, Backend::Reference];
     backends.extend(
         device
             .as_ref()
@@ -212,7 +215,7 @@ fn hidden_parts_are_left_out_and_come_back() {
     let models = models();
     let all: Vec<&Model> = models.iter().collect();
     let device = Device::open();
-    let mut backends = vec![Backend::Cpu, Backend::Mirror];
+    let mut backends = vec![Backend::Cpu, Backend::Reference];
     backends.extend(
         device
             .as_ref()
@@ -252,7 +255,10 @@ fn hidden_parts_are_left_out_and_come_back() {
 fn a_model_moves_to_the_space_of_another() {
     let plain = built(mesh(GeneratedShape::Statue, 3_000));
     let origin = DVec3::new(-3.7, 100.3, 5.1);
-    let moved = plain.clone().moved_to(origin, &SilentProgress).unwrap();
+    let mut nothing = PointAttributes::default();
+    let moved = (plain.clone())
+        .moved_to(origin, &mut nothing, &SilentProgress)
+        .unwrap();
     assert_eq!(moved.origin, origin);
     let report = tree::check(&moved);
     assert!(report.is_clean(), "{report}");
@@ -262,4 +268,44 @@ fn a_model_moves_to_the_space_of_another() {
     }
     let (a, b) = (plain.orbit_sphere(), moved.orbit_sphere());
     assert!(a.center.distance(b.center) < 1e-5 && (a.radius - b.radius).abs() < 1e-4);
+}
+
+/// Points of a cloud that is moved far away are ordered anew where they round to other places; their values go with them.
+#[test]
+fn what_points_carry_moves_with_them() {
+    let mut state = 9u32;
+    let mut random = move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 24) as f32
+    };
+    let positions: Vec<Vec3> = (0..3000)
+        .map(|_| 20.0 * Vec3::new(random(), random(), random()))
+        .collect();
+    let cloud = Mesh {
+        positions,
+        ..Mesh::default()
+    };
+    let model = built(cloud);
+    let width = |model: &Model, i: usize| model.origin.x + f64::from(model.vertices[i].position.x);
+    let values: Vec<f32> = (0..3000).map(|i| width(&model, i) as f32).collect();
+    let mut attributes = PointAttributes {
+        columns: vec![AttributeColumn {
+            values: AttributeValues::of(values),
+            ..AttributeColumn::new("x", AttributeKind::Quantity, NumberType::F32)
+        }],
+        are_colors_categories: true,
+        ..PointAttributes::default()
+    };
+    let before = attributes.columns[0].values.clone();
+    let origin = DVec3::new(2e6, -3e6, 10.0);
+    let moved = model.moved_to(origin, &mut attributes, &SilentProgress);
+    let moved = moved.unwrap();
+    assert_ne!(
+        attributes.columns[0].values, before,
+        "nothing was ordered anew"
+    );
+    for i in 0..3000 {
+        let off = attributes.columns[0].value(i).unwrap() - width(&moved, i);
+        assert!(off.abs() < 0.2, "{i}: {off}");
+    }
 }

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use surfel::image::FloatImage;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
+use surfel::mesh::attributes::PointAttributes;
 use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Method, Settings, SplatKind};
@@ -156,7 +157,7 @@ fn far_views_have_the_colors_of_the_texture() {
             for fill in [0.125, 0.5] {
                 let view = orbit(&model, SIZE, 30.0, 20.0, fill);
                 let exact = settings(Method::Triangles, SplatKind::Square);
-                let wanted = mean_color(&picture(&Backend::Mirror, &model, &view, &exact, 8));
+                let wanted = mean_color(&picture(&Backend::Reference, &model, &view, &exact, 8));
                 for (splat, k) in [(SplatKind::Square, 4), (SplatKind::Filtered, 1)] {
                     let own = settings(Method::Pop, splat);
                     let found = mean_color(&picture(&Backend::Cpu, &model, &view, &own, k));
@@ -183,7 +184,7 @@ fn the_processor_draws_what_the_reference_does() {
             for splat in [SplatKind::Square, SplatKind::Filtered] {
                 for method in [Method::Triangles, Method::Pop] {
                     let own = settings(method, splat);
-                    let wanted = picture(&Backend::Mirror, &model, &view, &own, 1);
+                    let wanted = picture(&Backend::Reference, &model, &view, &own, 1);
                     let found = picture(&Backend::Cpu, &model, &view, &own, 1);
                     let [largest, mean] = differences(&found, &wanted);
                     assert!(
@@ -230,7 +231,7 @@ fn a_device_draws_what_the_reference_does() {
                             path,
                             ..settings(method, splat)
                         };
-                        let wanted = picture(&Backend::Mirror, &model, &view, &own, 1);
+                        let wanted = picture(&Backend::Reference, &model, &view, &own, 1);
                         let found = picture(&backend, &model, &view, &own, 1);
                         let [largest, mean] = differences(&found, &wanted);
                         let what = format!(
@@ -263,7 +264,7 @@ fn images_are_upright_and_on_their_triangles_only() {
     mesh.colors = vec![[100, 100, 100, 255]; mesh.positions.len()];
     let model = built(mesh);
     let view = orbit(&model, SIZE, 0.0, 0.0, 1.0);
-    for backend in [Backend::Mirror, Backend::Cpu] {
+    for backend in [Backend::Reference, Backend::Cpu] {
         for method in [Method::Triangles, Method::Pop] {
             let own = settings(method, SplatKind::Square);
             let picture = picture(&backend, &model, &view, &own, 1);
@@ -299,7 +300,11 @@ fn moved_models_keep_their_textures() {
     let model = built(sheet(4, &checker(), 0.02));
     let textures = model.textures.clone().unwrap();
     let moved = model
-        .moved_to(glam::DVec3::new(10.0, -3.0, 5.0), &SilentProgress)
+        .moved_to(
+            glam::DVec3::new(10.0, -3.0, 5.0),
+            &mut PointAttributes::default(),
+            &SilentProgress,
+        )
         .unwrap();
     let own = moved.textures.clone().unwrap();
     assert_eq!(own.images.len(), 1);

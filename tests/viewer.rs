@@ -20,6 +20,8 @@ mod measure;
 mod panel;
 #[path = "viewer/rest.rs"]
 mod rest;
+#[path = "viewer/section.rs"]
+mod section;
 #[path = "viewer/walk.rs"]
 mod walk;
 

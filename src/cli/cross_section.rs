@@ -16,6 +16,7 @@ use surfel::image::{MarkedLines, PictureMarks, ruler_margins};
 use surfel::input::legend_of;
 use surfel::math::section_line::{SectionFrame, SectionLine};
 use surfel::math::up_axis::UpAxis;
+use surfel::mesh::attributes::PointAttributes;
 use surfel::open::cross_section::{ModelSection, SectionedModel, write_csv, write_csv_file};
 use surfel::pack::ColorBy;
 use surfel::render::engine::{Engine, smooth_threshold};
@@ -146,10 +147,10 @@ impl CrossSectionArgs {
         let placements = self.placement.of_models(1 + self.more.len())?;
         let paths = [&self.source.model].into_iter().chain(&self.more);
         let mut opened: Vec<OpenedModel> = Vec::with_capacity(1 + self.more.len());
-        for (path, placement) in paths.zip(placements) {
-            let color = match opened.first() {
-                Some(first) => self.color.as_beside(first),
-                None => self.color.clone(),
+        for (path, &placement) in paths.zip(&placements) {
+            let color = match opened.is_empty() {
+                true => self.color.clone(),
+                false => ColorArgs::default(),
             };
             let source = ModelArgs {
                 model: path.clone(),
@@ -157,6 +158,7 @@ impl CrossSectionArgs {
             };
             opened.push(source.open_as(&color, false, placement, &JobBar::new(quiet))?);
         }
+        self.color.share(&mut opened, &placements)?;
         Ok(opened)
     }
 
@@ -280,9 +282,16 @@ fn kept_parts(models: &[SectionedModel<'_>], quiet: bool) -> Result<Vec<Model>, 
     for (opened, section) in models {
         if section.mask.contains(&true) {
             let bar = JobBar::new(quiet);
-            let part = opened.model.kept(&section.mask, &bar)?;
+            let mut part = opened.model.kept(&section.mask, &bar)?;
+            let mut colors = PointAttributes {
+                are_colors_categories: opened.attributes.are_colors_categories,
+                ..PointAttributes::default()
+            };
+            if colors.are_colors_categories {
+                part.color_by_majority();
+            }
             let origin = parts.first().map_or(part.origin, |first| first.origin);
-            parts.push(part.moved_to(origin, &bar)?);
+            parts.push(part.moved_to(origin, &mut colors, &bar)?);
         }
     }
     Ok(parts)

@@ -133,7 +133,11 @@ fn normals_of_points(ready: &OpenedModel) -> String {
     match known.count() as u64 {
         0 => ", no normals".to_owned(),
         known if ready.has_estimated_normals => {
-            format!(", normals of {} points estimated", count(known))
+            let side = match ready.knows_scanners {
+                true => ", toward the scanners",
+                false => "",
+            };
+            format!(", normals of {} points estimated{side}", count(known))
         }
         known => format!(", normals of {} points", count(known)),
     }

@@ -22,7 +22,6 @@ use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
 use surfel::image::MarkedLines;
 use surfel::math::measured_line::MeasureList;
-use surfel::mesh::placement::MeshPlacement;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::engine::{Backend, Engine, smooth_threshold};
@@ -105,7 +104,7 @@ impl DeviceArgs {
         }
         match self.backend {
             BackendChoice::Cpu => Ok(Backend::Cpu),
-            BackendChoice::Reference => Ok(Backend::Mirror),
+            BackendChoice::Reference => Ok(Backend::Reference),
             BackendChoice::Vulkan => Ok(Backend::Vulkan(Gpu::open(&options)?)),
             BackendChoice::Auto => match Backend::open(&options) {
                 Err(error @ (GpuError::NoLoader(_) | GpuError::NoDevice(_)))
@@ -322,32 +321,36 @@ impl RenderArgs {
         Ok(())
     }
 
-    /// Opens the models after the first, and moves them to the space of that.
-    fn open_others(
-        &self,
-        first: &OpenedModel,
-        streams_pages: bool,
-        placements: &[MeshPlacement],
-        quiet: bool,
-    ) -> Result<Vec<OpenedModel>, CommandFailure> {
-        let mut others = Vec::with_capacity(self.more.len());
-        let color = self.color.as_beside(first);
-        for (path, placement) in self.more.iter().zip(placements) {
+    /// Opens all models, and moves those after the first to the space of that.
+    fn open(&self, streams_pages: bool, quiet: bool) -> Result<Vec<OpenedModel>, CommandFailure> {
+        let placements = self.placement.of_models(1 + self.more.len())?;
+        let mut opened: Vec<OpenedModel> = Vec::with_capacity(1 + self.more.len());
+        let paths = [&self.source.model].into_iter().chain(&self.more);
+        for (path, &placement) in paths.zip(&placements) {
+            let color = match opened.is_empty() {
+                true => self.color.clone(),
+                false => ColorArgs::default(),
+            };
             let source = ModelArgs {
                 model: path.clone(),
                 ..self.source.clone()
             };
-            let mut other =
-                source.open_as(&color, streams_pages, *placement, &JobBar::new(quiet))?;
+            opened.push(source.open_as(&color, streams_pages, placement, &JobBar::new(quiet))?);
+        }
+        self.color.share(&mut opened, &placements)?;
+        let origin = opened[0].model.origin;
+        for other in &mut opened[1..] {
             let moving = JobBar::new(quiet);
-            let origin = first.model.origin;
             other.model = match &other.paged {
                 Some(file) => file.stand_in(origin).map_err(surfel::tree::Error::from)?,
-                None => (other.model).moved_to(origin, &moving)?,
+                None => std::mem::take(&mut other.model).moved_to(
+                    origin,
+                    &mut other.attributes,
+                    &moving,
+                )?,
             };
-            others.push(other);
         }
-        Ok(others)
+        Ok(opened)
     }
 
     /// Tells whether the picture has as many samples as it takes to be smooth: nobody says how many, and it shows what is seen
@@ -438,11 +441,9 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
         ));
     }
     let streams_pages = settings.method == Method::Pop && !args.look.is_auto();
-    let placements = args.placement.of_models(1 + args.more.len())?;
-    let bar = JobBar::new(quiet);
-    let ready = (args.source).open_as(&args.color, streams_pages, placements[0], &bar)?;
-    drop(bar);
-    let others = args.open_others(&ready, streams_pages, &placements[1..], quiet)?;
+    let mut opened = args.open(streams_pages, quiet)?;
+    let others = opened.split_off(1);
+    let ready = opened.remove(0);
     let mut models = vec![&ready.model];
     models.extend(others.iter().map(|other| &other.model));
     let sphere = (models.iter().map(|model| model.orbit_sphere()))

@@ -1,14 +1,15 @@
 //! The model of a command: arguments become options of [`surfel::open`].
 
 use super::progress::JobBar;
-use super::{CommandFailure, usage};
+use super::{CommandFailure, Outcome, usage};
 use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
 use surfel::input::{self, ColorSetting, FieldCondition, PointColoring, PointFilter};
-use surfel::mesh::color_legend::ColorLegend;
+use surfel::mesh::color_legend::LegendEntries;
 use surfel::mesh::creases::USUAL_CREASE_DEGREES;
 use surfel::mesh::placement::MeshPlacement;
+use surfel::open::recolor;
 use surfel::progress::Progress;
 use surfel::render::paged_model::{FilePrefix, PagedModelOptions};
 use surfel::tree::{BuildOptions, PointNormals, SplitRule};
@@ -254,7 +255,7 @@ pub(crate) struct ColorArgs {
     /// What colors the points: `--color-by` of the look.
     #[arg(skip)]
     pub(crate) by: Option<PointColoring>,
-    /// Values of the first and the last color of points by --color-by [default: those that 2% of the first model's points are below and above]
+    /// Values of the first and the last color of points by --color-by [default: those that 2% of the points are below and above; of several models around those of all]
     #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, allow_hyphen_values = true)]
     color_range: Option<[f64; 2]>,
 }
@@ -272,13 +273,36 @@ fn parse_range(text: &str) -> Result<[f64; 2], String> {
 }
 
 impl ColorArgs {
-    /// Colors for a model shown beside a first one: over that one's range, where the arguments give none.
-    pub(crate) fn as_beside(&self, first: &OpenedModel) -> Self {
-        let of_first = input::legend_of(&first.warnings).and_then(ColorLegend::range);
-        Self {
-            by: self.by.clone(),
-            color_range: self.color_range.or(of_first),
+    /// Colors models that are shown together over the range of all, where there are several; tells what the colors mean and which
+    /// have no such attribute. Those that were given a color keep it.
+    pub(crate) fn share(
+        &self,
+        models: &mut [OpenedModel],
+        placements: &[MeshPlacement],
+    ) -> Outcome {
+        let Some(setting) = self.setting()?.filter(|_| models.len() > 1) else {
+            return Ok(());
+        };
+        let own = models.iter_mut().zip(placements);
+        let own = own.filter(|(_, placement)| placement.color.is_none());
+        let common = recolor::recolor_opened(own.map(|(opened, _)| opened), &setting)
+            .map_err(surfel::Error::from)?;
+        for name in &common.without {
+            super::say(&format!(
+                "surfel: {name}: warning: it has no {} and keeps its colors",
+                setting.by
+            ));
         }
+        if let LegendEntries::Scale { values, .. } = &common.legend.entries {
+            super::say(&format!(
+                "surfel: all models are colored from {} to {}",
+                values[0], values[2]
+            ));
+        }
+        for opened in models {
+            input::set_legend(&mut opened.warnings, &common.legend);
+        }
+        Ok(())
     }
 
     /// The setting of the options of opening.

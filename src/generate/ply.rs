@@ -214,6 +214,7 @@ mod tests {
             triangles: vec![[0, 1, 2]],
             origin: DVec3::new(4e6, 0.25, -1e7),
             textures: None,
+            scanners: crate::mesh::scanners::ScannerPlaces::default(),
         };
         let (text, body) = text_and_body(&mesh);
         assert_eq!(

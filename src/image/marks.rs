@@ -18,7 +18,8 @@ pub(super) const CHARACTER_PX: [f32; 2] = [9.0, 15.0];
 /// Shorter side of a picture whose marks have these sizes; larger ones have larger marks.
 const USUAL_SIDE_PX: u32 = 600;
 
-const AXIS_COLORS: [[u8; 3]; 3] = [[240, 90, 80], [110, 200, 90], [100, 150, 255]];
+/// Colors of the axes x, y and z.
+pub const AXIS_COLORS: [[u8; 3]; 3] = [[240, 90, 80], [110, 200, 90], [100, 150, 255]];
 const BAR_COLOR: [u8; 3] = [245, 245, 245];
 const OUTLINE_COLOR: [u8; 3] = [20, 20, 20];
 

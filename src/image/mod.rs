@@ -25,7 +25,7 @@ pub use channels::{
 pub use compare::{ColorError, PictureDifference, compare, difference_picture};
 pub(crate) use file::write;
 pub use lines::MarkedLines;
-pub use marks::{BarLength, MarkChoice, MarkLine, MarkText, PictureMarks};
+pub use marks::{AXIS_COLORS, BarLength, MarkChoice, MarkLine, MarkText, PictureMarks};
 pub use rulers::ruler_margins;
 pub use sheet::contact_sheet;
 

@@ -335,6 +335,8 @@ pub(super) fn finish(job: &mut ReadJob<'_>, mut raw: RawMesh) -> Result<Mesh, Er
     let exponent = bounds.exponent();
     if exponent != 0 {
         raw.coordinates.scale(f64::from(exponent).exp2());
+        let factor = f64::from(exponent).exp2();
+        job.scanners.transform(|place| place * factor);
         job.warn(ReadWarning::Scaled { exponent });
     }
     let bounds = bounds.scaled(f64::from(exponent).exp2());
@@ -372,6 +374,7 @@ pub(super) fn finish(job: &mut ReadJob<'_>, mut raw: RawMesh) -> Result<Mesh, Er
         triangles: raw.triangles,
         origin,
         textures: None,
+        scanners: std::mem::take(&mut job.scanners),
     };
     let before = mesh.triangles.len();
     let dropped = drop_not_finite(&mut mesh, &mut job.attributes, &mut raw.textures);
@@ -434,6 +437,7 @@ fn drop_not_finite(
     retain_indexed(&mut mesh.positions, keep);
     retain_indexed(&mut mesh.normals, keep);
     retain_indexed(&mut mesh.colors, keep);
+    mesh.scanners.retain(keep);
     for column in &mut attributes.columns {
         column.values.retain(keep);
     }

@@ -4,6 +4,8 @@
 //! Zucker), over a range that leaves out two hundredths at each end unless it is given. Classes of the American Society for
 //! Photogrammetry and Remote Sensing have fixed colors, other categories those of a palette of twelve.
 
+use std::fmt;
+use std::path::Path;
 use std::str::FromStr;
 
 use rayon::prelude::*;
@@ -11,7 +13,7 @@ use rayon::prelude::*;
 use super::job::ReadJob;
 use super::{Error, ReadWarning};
 use crate::mesh::Mesh;
-use crate::mesh::attributes::{AttributeColumn, AttributeKind};
+use crate::mesh::attributes::{AttributeColumn, AttributeKind, PointAttributes};
 use crate::mesh::color_legend::{ColorLegend, LegendEntries};
 
 /// What colors a cloud, and over which range.
@@ -30,6 +32,15 @@ pub enum PointColoring {
     Height,
     /// An attribute, by its name as `surfel info` lists it.
     Attribute(String),
+}
+
+impl fmt::Display for PointColoring {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Height => "height",
+            Self::Attribute(name) => name,
+        })
+    }
 }
 
 impl FromStr for PointColoring {
@@ -112,60 +123,113 @@ pub fn name_of_class(class: usize) -> Option<&'static str> {
     CLASSES.get(class).map(|(name, _)| *name)
 }
 
+/// Points that take colors by what they carry.
+pub(crate) struct AttributedPoints<'a> {
+    /// The file, for messages.
+    pub(crate) path: &'a Path,
+    /// Number of points.
+    pub(crate) count: usize,
+    /// The height of each, world space.
+    pub(crate) height: &'a (dyn Fn(usize) -> f64 + Sync),
+    /// Attributes of the points.
+    pub(crate) attributes: &'a PointAttributes,
+}
+
+/// Colors and what they mean.
+#[derive(Debug)]
+pub(crate) struct AttributeColors {
+    /// A color a point.
+    pub(crate) colors: Vec<[u8; 4]>,
+    /// Colors and values.
+    pub(crate) legend: ColorLegend,
+    /// The legend in words.
+    pub(crate) meaning: String,
+}
+
+impl AttributedPoints<'_> {
+    /// The column of an attribute.
+    fn column(&self, name: &str) -> Result<&AttributeColumn, Error> {
+        let column = self.attributes.find(name);
+        let column = column.filter(|column| column.values.len() == self.count);
+        column.ok_or_else(|| {
+            let columns = self.attributes.columns.iter();
+            let names: Vec<&str> = columns.map(|column| column.name.as_str()).collect();
+            Error::UnknownAttribute {
+                path: self.path.to_owned(),
+                name: name.to_owned(),
+                known: match names.is_empty() {
+                    true => "height only".to_owned(),
+                    false => format!("height, {}", names.join(", ")),
+                },
+            }
+        })
+    }
+
+    /// The values of the first and the last color where none are given; `None` for categories.
+    ///
+    /// # Errors
+    /// [`Error::UnknownAttribute`].
+    pub(crate) fn usual_range(&self, by: &PointColoring) -> Result<Option<[f64; 2]>, Error> {
+        let PointColoring::Attribute(name) = by else {
+            return Ok(Some(percentiles(self.count, &self.height)));
+        };
+        let column = self.column(name)?;
+        let value = |at: usize| column.value(at).unwrap_or(f64::NAN);
+        let is_quantity = column.kind == AttributeKind::Quantity;
+        Ok(is_quantity.then(|| percentiles(self.count, &value)))
+    }
+
+    /// The colors that a setting gives.
+    ///
+    /// # Errors
+    /// [`Error::UnknownAttribute`].
+    pub(crate) fn colors(&self, setting: &ColorSetting) -> Result<AttributeColors, Error> {
+        let name = match &setting.by {
+            PointColoring::Height => {
+                return Ok(by_quantity(
+                    "height",
+                    self.count,
+                    self.height,
+                    setting.range,
+                ));
+            }
+            PointColoring::Attribute(name) => name,
+        };
+        let column = self.column(name)?;
+        Ok(match column.kind {
+            AttributeKind::Category => by_category(column, self.count),
+            AttributeKind::Quantity => {
+                let value = |at: usize| column.value(at).unwrap_or(f64::NAN);
+                by_quantity(&column.name, self.count, value, setting.range)
+            }
+        })
+    }
+}
+
 /// Colors the mesh as the options ask for; says what the colors mean.
 pub(super) fn apply(
     job: &mut ReadJob<'_>,
     mesh: &mut Mesh,
     setting: &ColorSetting,
 ) -> Result<(), Error> {
-    let count = mesh.positions.len();
-    let name = match &setting.by {
-        PointColoring::Height => {
-            let height = |at: usize| mesh.origin.z + f64::from(mesh.positions[at].z);
-            let found = by_quantity("height", count, height, setting.range);
-            mesh.colors = found.colors;
-            job.warn(found.remark);
-            return Ok(());
-        }
-        PointColoring::Attribute(name) => name,
+    let points = AttributedPoints {
+        path: job.path,
+        count: mesh.positions.len(),
+        height: &|at| mesh.origin.z + f64::from(mesh.positions[at].z),
+        attributes: &job.attributes,
     };
-    let Some(column) = job
-        .attributes
-        .find(name)
-        .filter(|column| column.values.len() == count)
-    else {
-        let names: Vec<&str> = job
-            .attributes
-            .columns
-            .iter()
-            .map(|column| column.name.as_str())
-            .collect();
-        return Err(Error::UnknownAttribute {
-            path: job.path.to_owned(),
-            name: name.clone(),
-            known: if names.is_empty() {
-                "height only".to_owned()
-            } else {
-                format!("height, {}", names.join(", "))
-            },
-        });
-    };
-    let found = match column.kind {
-        AttributeKind::Category => by_category(column, count),
-        AttributeKind::Quantity => {
-            let value = |at: usize| column.value(at).unwrap_or(f64::NAN);
-            by_quantity(&column.name, count, value, setting.range)
-        }
-    };
-    mesh.colors = found.colors;
-    job.warn(found.remark);
+    let AttributeColors {
+        colors,
+        legend,
+        meaning,
+    } = points.colors(setting)?;
+    mesh.colors = colors;
+    job.warn(ReadWarning::ColoredBy {
+        name: legend.title.clone(),
+        meaning,
+        legend,
+    });
     Ok(())
-}
-
-/// Colors and what they mean.
-struct ColoredPoints {
-    colors: Vec<[u8; 4]>,
-    remark: ReadWarning,
 }
 
 fn by_quantity(
@@ -173,7 +237,7 @@ fn by_quantity(
     count: usize,
     value: impl Fn(usize) -> f64 + Sync,
     range: Option<[f64; 2]>,
-) -> ColoredPoints {
+) -> AttributeColors {
     let [low, high] = range.unwrap_or_else(|| percentiles(count, &value));
     let color = |at: usize| {
         let value = value(at);
@@ -186,19 +250,16 @@ fn by_quantity(
             0.5
         })
     };
-    ColoredPoints {
+    AttributeColors {
         colors: (0..count)
             .into_par_iter()
             .with_min_len(PIECE)
             .map(color)
             .collect(),
-        remark: ReadWarning::ColoredBy {
-            name: name.to_owned(),
-            meaning: format!("dark blue {} to yellow {}", rounded(low), rounded(high)),
-            legend: ColorLegend {
-                title: name.to_owned(),
-                entries: scale_of([low, high]),
-            },
+        meaning: format!("dark blue {} to yellow {}", rounded(low), rounded(high)),
+        legend: ColorLegend {
+            title: name.to_owned(),
+            entries: scale_of([low, high]),
         },
     }
 }
@@ -240,7 +301,7 @@ fn percentiles(count: usize, value: &(impl Fn(usize) -> f64 + Sync)) -> [f64; 2]
     [low, high]
 }
 
-fn by_category(column: &AttributeColumn, count: usize) -> ColoredPoints {
+fn by_category(column: &AttributeColumn, count: usize) -> AttributeColors {
     let are_classes = column.name == "class";
     let color = |value: f64| -> [u8; 4] {
         if value.is_nan() {
@@ -278,19 +339,16 @@ fn by_category(column: &AttributeColumn, count: usize) -> ColoredPoints {
         meaning.push(more.clone());
         entries.push(([0; 3], more));
     }
-    ColoredPoints {
+    AttributeColors {
         colors: (0..count)
             .into_par_iter()
             .with_min_len(PIECE)
             .map(|at| color(value(at)))
             .collect(),
-        remark: ReadWarning::ColoredBy {
-            name: column.name.clone(),
-            meaning: meaning.join(", "),
-            legend: ColorLegend {
-                title: column.name.clone(),
-                entries: LegendEntries::List(entries),
-            },
+        meaning: meaning.join(", "),
+        legend: ColorLegend {
+            title: column.name.clone(),
+            entries: LegendEntries::List(entries),
         },
     }
 }
@@ -376,9 +434,7 @@ mod tests {
     fn legends_have_the_colors_of_the_points() {
         let value = |at: usize| at as f64;
         let found = by_quantity("height", 101, value, Some([0.0, 100.0]));
-        let ReadWarning::ColoredBy { legend, .. } = &found.remark else {
-            panic!("{:?}", found.remark)
-        };
+        let legend = &found.legend;
         let LegendEntries::Scale { colors, values, .. } = &legend.entries else {
             panic!("{legend:?}")
         };
@@ -396,14 +452,10 @@ mod tests {
             values: AttributeValues::of(vec![7326_u16; 3]),
             ..AttributeColumn::new("point_source", AttributeKind::Category, NumberType::U16)
         };
-        let ReadWarning::ColoredBy { meaning, .. } = by_category(&lines, 3).remark else {
-            panic!("no colors")
-        };
+        let meaning = by_category(&lines, 3).meaning;
         assert!(meaning.starts_with("7326 #"), "{meaning}");
         let found = by_category(&column, 40);
-        let ReadWarning::ColoredBy { legend, .. } = &found.remark else {
-            panic!("{:?}", found.remark)
-        };
+        let legend = &found.legend;
         let LegendEntries::List(entries) = &legend.entries else {
             panic!("{legend:?}")
         };

@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use super::coordinate_records::CoordinateRecords;
 use super::part::{PartFault, PartInventory};
 use super::text::{line_of, shown};
 use super::{Error, FilePlace, ReadOptions, ReadWarning};
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::faces::FaceRepairs;
+use crate::mesh::scanners::ScannerPlaces;
 use crate::printable::{MOST_CHARS, printable};
 use crate::progress::Progress;
 
@@ -25,6 +27,10 @@ pub(super) struct ReadJob<'a> {
     pub(super) inventory: PartInventory,
     /// What the points carry beside position, normal and color, in the order of the positions.
     pub(super) attributes: PointAttributes,
+    /// Places of the scanners of the points, in the order of the positions.
+    pub(super) scanners: ScannerPlaces,
+    /// Coordinate system of a LAS file.
+    pub(super) coordinate_records: CoordinateRecords,
     reported: usize,
 }
 
@@ -43,6 +49,8 @@ impl<'a> ReadJob<'a> {
             warnings: Vec::new(),
             inventory: PartInventory::default(),
             attributes: PointAttributes::default(),
+            scanners: ScannerPlaces::default(),
+            coordinate_records: CoordinateRecords::default(),
             reported: 0,
         }
     }

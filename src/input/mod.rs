@@ -11,6 +11,7 @@
 mod assemble;
 mod color;
 mod color_by;
+mod coordinate_records;
 mod error;
 mod gltf;
 mod job;
@@ -37,12 +38,14 @@ use std::fmt;
 use std::io::Read;
 use std::path::Path;
 
+pub(crate) use color_by::{AttributeColors, AttributedPoints};
 pub use color_by::{ColorSetting, PointColoring, name_of_class};
+pub use coordinate_records::CoordinateRecords;
 pub use error::{Error, FilePlace};
 pub use part::{FilePart, PartFate};
 pub use point_filter::{FieldCondition, FilterField, FilteredPoints, PointFilter};
 pub use stream::{StreamedModel, open_stream};
-pub use warning::{ReadWarning, legend_of};
+pub use warning::{ReadWarning, legend_of, set_legend};
 
 pub(crate) use points::las::write as write_las;
 
@@ -215,6 +218,8 @@ pub struct LoadedMesh {
     pub counts: FileCounts,
     /// What the points carry besides, in the order of the positions; empty for most models.
     pub attributes: PointAttributes,
+    /// Coordinate system of a LAS file, as its records have it.
+    pub coordinate_records: CoordinateRecords,
 }
 
 /// The bytes of a model that somebody else opened.
@@ -386,5 +391,6 @@ fn load_from<'a>(
         file_bytes,
         counts,
         attributes: job.attributes,
+        coordinate_records: job.coordinate_records,
     })
 }

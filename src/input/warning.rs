@@ -374,6 +374,15 @@ impl fmt::Display for RawWarning<'_> {
     }
 }
 
+/// Replaces the legend of a model whose colors stand for an attribute.
+pub fn set_legend(warnings: &mut [ReadWarning], common: &ColorLegend) {
+    for warning in warnings {
+        if let ReadWarning::ColoredBy { legend, .. } = warning {
+            legend.clone_from(common);
+        }
+    }
+}
+
 /// The legend of a model whose colors stand for an attribute.
 pub fn legend_of(warnings: &[ReadWarning]) -> Option<&ColorLegend> {
     warnings.iter().find_map(|warning| match warning {

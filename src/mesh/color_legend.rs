@@ -33,4 +33,20 @@ impl ColorLegend {
             LegendEntries::List(_) => None,
         }
     }
+
+    /// Adds categories that only another legend has, in the order of the numbers that their names begin with. Nothing of what has
+    /// a range.
+    pub fn join(&mut self, other: Self) {
+        if let (LegendEntries::List(own), LegendEntries::List(more)) =
+            (&mut self.entries, other.entries)
+        {
+            own.extend(more);
+            let number = |name: &str| {
+                let first = name.split(' ').next().and_then(|word| word.parse().ok());
+                first.unwrap_or(u64::MAX)
+            };
+            own.sort_by(|a, b| (number(&a.1), &a.1).cmp(&(number(&b.1), &b.1)));
+            own.dedup();
+        }
+    }
 }

@@ -7,6 +7,7 @@ pub mod creases;
 pub mod faces;
 pub mod normals;
 pub mod placement;
+pub mod scanners;
 pub mod stream;
 pub mod weld;
 
@@ -14,6 +15,7 @@ pub use center::{origin_of, recenter, recentered_zero};
 
 use crate::textures::MeshTextures;
 use glam::{DVec3, Vec3};
+use scanners::ScannerPlaces;
 
 /// A triangle mesh, or a point cloud when `triangles` is empty.
 ///
@@ -33,6 +35,8 @@ pub struct Mesh {
     pub origin: DVec3,
     /// What triangles show besides colors, or nothing.
     pub textures: Option<MeshTextures>,
+    /// Places of the scanners of a cloud, where they are known.
+    pub scanners: ScannerPlaces,
 }
 
 impl Mesh {

@@ -57,6 +57,8 @@ fn moved(mesh: &mut Mesh, transform: &DAffine3) -> Result<(), String> {
         return Err("its transform moves it beyond 3.4e38 units".to_owned());
     }
     (mesh.positions, mesh.origin) = (positions, origin);
+    mesh.scanners
+        .transform(|place| transform.transform_point3(place));
     // Normals stay perpendicular; of unknown ones nothing is known.
     let of_normals: DMat3 = transform.matrix3.inverse().transpose();
     for normal in &mut mesh.normals {

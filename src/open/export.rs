@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::generate;
-use crate::input::{self, FilteredPoints, PointFilter, write_las};
+use crate::input::{self, FilePart, FilteredPoints, PointFilter, write_las};
 use crate::mesh::Mesh;
 use crate::mesh::attributes::{AttributeColumn, NumberType, PointAttributes};
 use crate::progress::Progress;
@@ -85,22 +85,22 @@ pub fn export(
     }
     retain(&mut mesh, &mut attributes, &mask);
     progress.stage("write", 0);
+    let mut has_system = false;
     generate::write_atomically(output, |file| {
         let mut out = BufWriter::with_capacity(1 << 20, file);
         match format {
             CloudFormat::Ply => write_ply(&mesh, &attributes, &mut out)?,
             CloudFormat::Las | CloudFormat::Laz => {
-                write_las(&mesh, &attributes, format == CloudFormat::Laz, &mut out)?;
+                let is_packed = format == CloudFormat::Laz;
+                let records = &loaded.coordinate_records;
+                has_system = write_las((&mesh, &attributes), records, is_packed, &mut out)?;
             }
         }
         Ok(out.flush()?)
     })?;
     let mut warnings = loaded.warnings;
-    if loaded
-        .parts
-        .iter()
-        .any(|part| part.name == "coordinate system")
-    {
+    let is_system = |part: &FilePart| part.name == "coordinate system";
+    if !has_system && loaded.parts.iter().any(is_system) {
         let parts = vec!["the coordinate system of the file, which is not written".to_owned()];
         warnings.push(input::ReadWarning::LeftOut { parts });
     }

@@ -253,6 +253,8 @@ pub(super) fn build_around(
         }
     }
     check_stop()?;
+    let scanners = std::mem::take(&mut mesh.scanners);
+    let model_zero = mesh.origin;
 
     progress.stage("arranging vertices", count as u64);
     let level_starts = level_starts_of(&shape);
@@ -297,6 +299,13 @@ pub(super) fn build_around(
         if with_normals {
             normals = found.normals;
             point_normals::orient(&shape, &points, &found.radii, &mut normals);
+            if scanners.is_any_known() {
+                let items: &[SortItem] = bytemuck::cast_slice(&leaves);
+                point_normals::turn_to_scanners(&points, &mut normals, |point| {
+                    let scanner = scanners.of_point(items[point].index as usize)?;
+                    Some((scanner - model_zero).as_vec3())
+                });
+            }
             point_normals::give(&mut model.vertices, &normals);
         }
         for (leaf, radius) in leaves.iter_mut().zip(found.radii) {

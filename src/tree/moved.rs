@@ -1,8 +1,10 @@
 //! Another zero for a model: models that are drawn together share one.
 
-use super::{BuildOptions, Error, Model, build};
+use super::{BuildOptions, Error, Model, build_ordered};
 use crate::math::octahedral;
 use crate::mesh::Mesh;
+use crate::mesh::attributes::PointAttributes;
+use crate::mesh::scanners::ScannerPlaces;
 use crate::progress::Progress;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -10,11 +12,17 @@ use rayon::prelude::*;
 impl Model {
     /// The same model with `origin` as the world position of the model-space zero. Nothing moves in the world but for
     /// rounding: by half a unit in the last place of a model-space coordinate, so by up to 0.03 of a unit at a distance of a
-    /// million from the origin. The tree is built anew, since small triangles turn by that.
+    /// million from the origin. The tree is built anew, since small triangles turn by that; what the points of a cloud carry
+    /// takes their new order.
     ///
     /// # Errors
-    /// As [`build()`].
-    pub fn moved_to(self, origin: DVec3, progress: &dyn Progress) -> Result<Self, Error> {
+    /// As [`build_ordered()`].
+    pub fn moved_to(
+        self,
+        origin: DVec3,
+        attributes: &mut PointAttributes,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
         let offset = self.origin - origin;
         if offset == DVec3::ZERO {
             return Ok(self);
@@ -48,12 +56,19 @@ impl Model {
             textures: (self.textures.as_ref()).map(|textures| textures.of_mesh(&self.triangles)),
             triangles: self.triangles,
             origin,
+            scanners: ScannerPlaces::default(),
         };
         let options = BuildOptions {
             keeps_origin: true,
             ..BuildOptions::default()
         };
-        let mut model = build(mesh, &options, progress)?;
+        let (mut model, order) = build_ordered(mesh, &options, progress)?;
+        if model.kind().is_points() {
+            attributes.reorder(&order);
+            if attributes.are_colors_categories {
+                model.color_by_majority();
+            }
+        }
         // Nothing was framed where all was asked for.
         model.framed = model.framed.filter(|_| framed.is_some());
         Ok(model)

@@ -154,6 +154,24 @@ fn one_side(parts: &[OrientedPoints]) -> (OrientedPoints, [bool; 4]) {
     (sum(&turns), turns)
 }
 
+/// Turns the normals of points toward the scanner that measured each, where that is known; both in model space.
+pub(super) fn turn_to_scanners(
+    points: &[Vec3],
+    normals: &mut [Vec3],
+    scanner_of: impl Fn(usize) -> Option<Vec3> + Sync,
+) {
+    let pairs = normals.par_iter_mut().zip(points).enumerate();
+    pairs
+        .with_min_len(1 << 12)
+        .for_each(|(index, (normal, point))| {
+            if let Some(scanner) = scanner_of(index)
+                && normal.dot(scanner - point) < 0.0
+            {
+                *normal = -*normal;
+            }
+        });
+}
+
 /// Gives points their normals, where they have some.
 pub(super) fn give(vertices: &mut [Vertex], normals: &[Vec3]) {
     let pairs = vertices.par_iter_mut().zip(normals);
@@ -223,6 +241,49 @@ mod tests {
             !own.has_normal() || normals.into_iter().any(|n| n.dot(own.normal()) < 0.0)
         });
         assert!(torn.count() * 100 <= count, "of {count}");
+    }
+
+    /// Two halves of a ball's surface far from zero, one seen from within and one from above: each looks toward its scanner,
+    /// which outward is for one of them only. A point of a third scanner, of which nothing is known, has a side as well.
+    #[test]
+    fn normals_turn_to_the_scanner_that_saw_the_point() {
+        let count = 8000;
+        let at = |i: i32| {
+            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+            let turn = f64::from(i) * std::f64::consts::PI * (3.0 - 5f64.sqrt());
+            let r = (1.0 - z * z).sqrt();
+            glam::DVec3::new(r * turn.cos(), r * turn.sin(), z).as_vec3()
+        };
+        let middle = glam::DVec3::new(500_000.0, -20.0, 3.0);
+        let mut scanners = crate::mesh::scanners::ScannerPlaces::default();
+        scanners.push(3999, Some(middle + glam::DVec3::Z * 0.25));
+        scanners.push(1, None);
+        scanners.push(4000, Some(middle - glam::DVec3::Z * 900.0));
+        let mesh = Mesh {
+            positions: (0..count).map(at).collect(),
+            origin: middle,
+            scanners,
+            ..Mesh::default()
+        };
+        let options = BuildOptions {
+            point_normals: PointNormals::Estimate,
+            ..BuildOptions::default()
+        };
+        let model = build(mesh, &options, &SilentProgress).unwrap();
+        let (mut inward, mut outward) = (0, 0);
+        for vertex in &model.vertices {
+            let place = (model.origin - middle).as_vec3() + vertex.position;
+            let side = octahedral::decode(vertex.normal).dot(place);
+            if place.z > 0.002 {
+                inward += usize::from(side < 0.0);
+            } else if place.z < -0.02 {
+                // Lower than the tangent from far below, with two degrees for the estimate.
+                outward += usize::from(side > 0.0);
+            }
+        }
+        let upper = (0..count).filter(|&i| at(i).z > 0.002).count();
+        let lower = (0..count).filter(|&i| at(i).z < -0.02).count();
+        assert_eq!((inward, outward), (upper, lower));
     }
 
     #[test]

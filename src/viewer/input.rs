@@ -93,6 +93,7 @@ pub const KEYS: &[KeyGroup] = &[
                 "Ctrl K",
                 "all points, or again those that the panel's conditions keep",
             ),
+            ("Ctrl A", "color points by the next of what they carry"),
             ("E", "next size metric"),
         ],
     ),
@@ -208,6 +209,8 @@ pub enum KeyCommand {
     UsualDepthOffset,
     /// Show all again, or the part that was kept before.
     Keep,
+    /// Color points by the next of what they carry.
+    PointColors,
     /// The next light: in the eye, parallel, the lamp.
     Light,
     /// Change the lamp, and turn it on.
@@ -371,6 +374,7 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<KeyCommand> 
             KeyboardKey::Char('v') => Some(KeyCommand::Paste),
             KeyboardKey::Char('r') => Some(KeyCommand::Reload),
             KeyboardKey::Char('k') => Some(KeyCommand::Keep),
+            KeyboardKey::Char('a') => Some(KeyCommand::PointColors),
             KeyboardKey::Char('i') => Some(KeyCommand::Measure(MeasureChange::PointInfo)),
             KeyboardKey::Char('n') => Some(KeyCommand::Measure(MeasureChange::End)),
             KeyboardKey::Char('j') => Some(KeyCommand::Measure(MeasureChange::Close)),

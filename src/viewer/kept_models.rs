@@ -1,8 +1,9 @@
 //! Parts of models that a filter keeps, from trees that are there.
 
-use crate::input::{self, PointFilter};
+use crate::input::{self, ColorSetting, PointFilter};
 use crate::mesh::attributes::PointAttributes;
 use crate::open::keep::{kept_leaves, kept_part};
+use crate::open::recolor::{CommonColors, RecoloredModel, common_range, recolor};
 use crate::progress::Progress;
 use crate::tree::Model;
 use std::path::PathBuf;
@@ -17,6 +18,51 @@ pub struct WholeModel {
     pub model: Arc<Model>,
     /// Attributes of its points.
     pub attributes: Arc<PointAttributes>,
+}
+
+/// Parts and colors that are to be shown of models that are there.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PartWish {
+    /// Conditions on the points that are kept.
+    pub filter: PointFilter,
+    /// Quantity that colors points; `None` for the colors that they were opened with.
+    pub color: Option<ColorSetting>,
+}
+
+/// Makes what is wished for of models, and tells what other colors mean.
+///
+/// # Errors
+/// A field or attribute that no model has, nothing kept, cancelled.
+pub fn make(
+    wholes: &[WholeModel],
+    wish: &PartWish,
+    progress: &dyn Progress,
+) -> Result<(Vec<WholeModel>, Option<CommonColors>), crate::Error> {
+    let mut parts = keep(wholes, &wish.filter, progress)?;
+    let Some(setting) = &wish.color else {
+        return Ok((parts, None));
+    };
+    progress.stage("coloring points", 0);
+    // Of all points, so that a part has the colors that it has in the whole.
+    let all = wholes.iter().map(|own| (&*own.model, &*own.attributes));
+    let setting = &ColorSetting {
+        range: setting.range.or_else(|| common_range(all, &setting.by)),
+        ..setting.clone()
+    };
+    let names: Vec<String> = parts
+        .iter()
+        .map(|own| own.path.display().to_string())
+        .collect();
+    let own = parts.iter_mut().zip(&names);
+    let mut models: Vec<RecoloredModel<'_>> = own
+        .map(|(own, name)| RecoloredModel {
+            name,
+            model: Arc::make_mut(&mut own.model),
+            attributes: Arc::make_mut(&mut own.attributes),
+        })
+        .collect();
+    let common = recolor(&mut models, setting)?;
+    Ok((parts, Some(common)))
 }
 
 /// Makes the parts of models that a filter keeps; a model of which everything is kept is the same again. Of conditions on a

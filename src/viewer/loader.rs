@@ -1,16 +1,14 @@
 //! Loads models on a thread of its own, and copies them to the device there, so that the window answers meanwhile.
 //! Of a large one a coarse preview comes first, as soon as its mesh is known.
 
-use super::kept_models::{WholeModel, keep};
+use super::kept_models::{PartWish, WholeModel, make};
 use super::load_progress::SharedProgress;
+use super::loaded_model::{LoadError, LoadedModel, ModelRequest, system_of};
 use super::preview;
 use super::text::unopened;
 use crate::gpu::{self, Gpu, lock};
-use crate::input::{FilePart, PointFilter, ReadWarning, legend_of};
-use crate::math::up_axis::UpAxis;
+use crate::input::ColorSetting;
 use crate::mesh::Mesh;
-use crate::mesh::attributes::PointAttributes;
-use crate::mesh::color_legend::ColorLegend;
 use crate::mesh::placement::MeshPlacement;
 use crate::open::{OpenOptions, open_with_preview};
 use crate::progress::Progress;
@@ -24,88 +22,10 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Why a model could not be loaded.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LoadError {
-    /// The model could not be opened, or not be copied to the device.
-    #[error(transparent)]
-    Open(#[from] crate::Error),
-    /// The system has no thread left.
-    #[error(transparent)]
-    Thread(std::io::Error),
-    /// The thread panicked; its message is on standard error.
-    #[error("loading stopped unexpectedly")]
-    Stopped,
-}
-
-impl From<gpu::Error> for LoadError {
-    fn from(error: gpu::Error) -> Self {
-        Self::Open(error.into())
-    }
-}
-
 /// Opens what a path names, [`open_with_preview`] but for tests; may hand over a coarse model of the same sphere before.
 type OpenFunction = dyn Fn(&ModelRequest, &dyn Progress, &mut dyn FnMut(Model)) -> Result<LoadedModel, LoadError>
     + Send
     + Sync;
-
-/// What is to be opened, and how it differs from the options of all.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ModelRequest {
-    /// What names it.
-    pub path: PathBuf,
-    /// Where it stands, and its color.
-    pub placement: MeshPlacement,
-    /// Crease angle of [`crate::tree::BuildOptions`].
-    pub crease_degrees: Option<f32>,
-    /// Range of the colors of the model that it is shown with, where they stand for a quantity.
-    pub color_range: Option<[f64; 2]>,
-}
-
-/// A model that was loaded.
-#[derive(Debug, Default)]
-pub struct LoadedModel {
-    /// The model.
-    pub model: Arc<Model>,
-    /// What it stands in for, where it is a paged file.
-    pub pages: Option<PagedModel>,
-    /// The axis that is up.
-    pub up: UpAxis,
-    /// What of its file was repaired or left out.
-    pub warnings: Vec<ReadWarning>,
-    /// Text of the coordinate system that the file names.
-    pub coordinate_system: Option<String>,
-    /// What its points carry, in the order of the model's.
-    pub attributes: Arc<PointAttributes>,
-    /// Models that are drawn with it, in its space.
-    pub more: Vec<LoadedPart>,
-    /// Sentences about models that were to be drawn with it and could not be opened.
-    pub failures: Vec<String>,
-    /// What of them is on the device already.
-    pub scene: Option<DeviceScene>,
-    /// A coarse one; the model itself is still to come.
-    pub is_preview: bool,
-    /// A preview of a few points: the box of all is not known yet.
-    pub is_sample: bool,
-    /// Parts of models that are there.
-    pub is_part: bool,
-}
-
-/// A model that is drawn with another.
-#[derive(Debug, Default)]
-pub struct LoadedPart {
-    /// Where it came from.
-    pub path: PathBuf,
-    /// The model.
-    pub model: Arc<Model>,
-    /// What it stands in for, where it is a paged file.
-    pub pages: Option<PagedModel>,
-    /// What of its file was repaired or left out.
-    pub warnings: Vec<ReadWarning>,
-    /// What its points carry, in the order of the model's; nothing where the model was moved, which orders it anew.
-    pub attributes: Arc<PointAttributes>,
-}
 
 /// Where models are copied to, and with the indices of all triangles or without; none before a device is open.
 type LoaderDevice = Arc<Mutex<Option<(Arc<Gpu>, bool)>>>;
@@ -133,6 +53,8 @@ pub struct ModelLoader {
     /// Models that stand elsewhere or have another color, by their place in the list.
     placed: Vec<(PathBuf, MeshPlacement)>,
     crease_degrees: Option<f32>,
+    /// Quantity that colors points.
+    color: Option<ColorSetting>,
     /// A sample of the points may be shown while they are read: it looks as they will.
     is_sampled: bool,
     job: Option<LoadJob>,
@@ -158,6 +80,7 @@ impl ModelLoader {
         placed: Vec<(PathBuf, MeshPlacement)>,
     ) -> Self {
         let crease_degrees = options.tree.crease_degrees;
+        let color = options.input.color.clone();
         let is_sampled = options.keep.is_empty() && options.input.color.is_none();
         let options = OpenOptions {
             streams_pages: true,
@@ -169,9 +92,7 @@ impl ModelLoader {
             let mut options = options.clone();
             options.placement = request.placement;
             options.tree.crease_degrees = request.crease_degrees;
-            if let Some(setting) = &mut options.input.color {
-                setting.range = setting.range.or(request.color_range);
-            }
+            options.input.color = options.input.color.filter(|_| request.is_first);
             let mut on_mesh = |mesh: &Mesh| {
                 // It would show what is not kept.
                 if options.keep.is_empty()
@@ -196,6 +117,7 @@ impl ModelLoader {
         Self {
             placed,
             crease_degrees,
+            color,
             is_sampled,
             ..Self::of_function(Arc::new(open))
         }
@@ -207,6 +129,7 @@ impl ModelLoader {
             device: LoaderDevice::default(),
             placed: Vec::new(),
             crease_degrees: None,
+            color: None,
             is_sampled: false,
             job: None,
         }
@@ -229,7 +152,7 @@ impl ModelLoader {
             path: path.to_owned(),
             placement: placed.map_or_else(MeshPlacement::default, |(_, placement)| *placement),
             crease_degrees: self.crease_degrees,
-            color_range: None,
+            is_first: index == 0,
         }
     }
 
@@ -250,7 +173,7 @@ impl ModelLoader {
         let (open, target) = (self.open.clone(), self.request(0, path));
         let more = more.iter().enumerate();
         let more: Vec<ModelRequest> = more.map(|(i, path)| self.request(i + 1, path)).collect();
-        let device = self.device.clone();
+        let (device, color) = (self.device.clone(), self.color.clone());
         let is_sampled = self.is_sampled && target.placement.is_identity();
         self.begin(path, move |progress, sender| {
             let mut on_preview = |model| send_preview(&device, &sender, model, false);
@@ -265,15 +188,20 @@ impl ModelLoader {
             let opened = open(&target, progress.as_ref(), &mut on_preview);
             progress.give_sample_to(None);
             let result = opened.and_then(|mut loaded| {
-                let color_range = legend_of(&loaded.warnings).and_then(ColorLegend::range);
-                for mut request in more {
-                    request.color_range = color_range;
+                let mut others = Vec::with_capacity(more.len());
+                for request in more {
                     match open(&request, progress.as_ref(), &mut |_| ()) {
-                        Ok(other) => loaded.add(request.path, other, progress.as_ref()),
+                        Ok(other) => others.push((request, other)),
                         Err(error) => {
                             (loaded.failures).push(unopened(&request.path, &error.to_string()))
                         }
                     }
+                }
+                if let Some(setting) = color.filter(|_| !others.is_empty()) {
+                    loaded.share_colors((&target, &mut others), &setting);
+                }
+                for (request, other) in others {
+                    loaded.add(request.path, other, progress.as_ref());
                 }
                 progress.stage("copying to the device", 0);
                 Ok(copied(&device, loaded)?)
@@ -282,7 +210,7 @@ impl ModelLoader {
         })
     }
 
-    /// Starts to make the parts of models that a filter keeps, as [`keep`] does; a job that still runs is forgotten.
+    /// Starts to make the parts of models that a wish names, as [`make`] does; a job that still runs is forgotten.
     ///
     /// # Errors
     /// When the system has no thread left.
@@ -290,11 +218,11 @@ impl ModelLoader {
         &mut self,
         path: &Path,
         wholes: Vec<WholeModel>,
-        filter: PointFilter,
+        wish: PartWish,
     ) -> std::io::Result<()> {
         let device = self.device.clone();
         self.begin(path, move |progress, sender| {
-            let parts = keep(&wholes, &filter, progress.as_ref()).map_err(LoadError::from);
+            let parts = make(&wholes, &wish, progress.as_ref()).map_err(LoadError::from);
             let _ = sender.send(parts.and_then(|parts| {
                 progress.stage("copying to the device", 0);
                 Ok(copied(&device, LoadedModel::of_parts(parts))?)
@@ -361,68 +289,6 @@ impl ModelLoader {
             std::thread::sleep(Duration::from_millis(5));
         }
     }
-}
-
-impl LoadedModel {
-    /// Parts of models that are there.
-    fn of_parts(parts: Vec<WholeModel>) -> Self {
-        let part = |own: WholeModel| LoadedPart {
-            path: own.path,
-            model: own.model,
-            attributes: own.attributes,
-            ..LoadedPart::default()
-        };
-        let mut parts = parts.into_iter().map(part);
-        let first = parts.next().unwrap_or_default();
-        Self {
-            model: first.model,
-            attributes: first.attributes,
-            more: parts.collect(),
-            is_part: true,
-            ..Self::default()
-        }
-    }
-
-    /// Adds a model that was loaded alone, in the space of the first.
-    fn add(&mut self, path: PathBuf, other: Self, progress: &dyn Progress) {
-        let origin = self.model.origin;
-        let attributes = match other.model.origin == origin {
-            true => other.attributes,
-            false => Arc::default(),
-        };
-        let moved = match other.pages {
-            Some(pages) => pages
-                .moved_to(origin)
-                .map(|pages| (Arc::new(pages.stand_in().clone()), Some(pages)))
-                .map_err(crate::tree::Error::from),
-            None => {
-                let model = Arc::unwrap_or_clone(other.model);
-                (model.moved_to(origin, progress)).map(|model| (Arc::new(model), None))
-            }
-        };
-        match moved {
-            Ok((model, pages)) => self.more.push(LoadedPart {
-                path,
-                model,
-                pages,
-                warnings: other.warnings,
-                attributes,
-            }),
-            Err(error) => {
-                let error = LoadError::Open(error.into());
-                self.failures.push(unopened(&path, &error.to_string()));
-            }
-        }
-    }
-}
-
-/// The longest text of a coordinate system: files name theirs in several ways.
-fn system_of(parts: &[FilePart]) -> Option<String> {
-    let named = (parts.iter()).filter(|part| part.name == "coordinate system");
-    let texts = named.map(|part| part.note.clone());
-    texts
-        .max_by_key(String::len)
-        .filter(|text| !text.is_empty())
 }
 
 /// Sends a coarse model ahead. Nobody listens any more when the job was cancelled.

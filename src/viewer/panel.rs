@@ -104,6 +104,8 @@ pub enum PanelWish {
     Photograph(PhotographWish),
     /// Keep what meets these conditions.
     Keep(String),
+    /// Color points by this, or as they were opened.
+    ColorPoints(Option<crate::input::ColorSetting>),
     /// Take a measure away.
     RemoveMeasure(usize),
     /// Draw a model, or leave it out.
@@ -585,7 +587,8 @@ mod look;
 pub mod measures;
 mod patches;
 mod photographs;
-mod section;
+pub mod point_colors;
+pub mod section;
 mod vertices;
 
 pub use keep::KeepState;

@@ -2,7 +2,8 @@
 
 use super::app::{FileAsk, ViewerApp};
 use super::event::ViewerEvent;
-use super::loader::{LoadError, LoadedModel, ModelLoader};
+use super::loaded_model::{LoadError, LoadedModel};
+use super::loader::ModelLoader;
 use super::record::RecordEntry;
 use super::window::ViewerWindow;
 use super::{ViewerError, ViewerOptions};

@@ -148,6 +148,23 @@ fn las_file(folder: &Path, format: u8) -> PathBuf {
         y: axis(4_000_000.0),
         z: axis(0.0),
     };
+    let record = |id: u16, data: &[u8]| las::Vlr {
+        user_id: "LASF_Projection".to_owned(),
+        record_id: id,
+        data: data.to_owned(),
+        ..las::Vlr::default()
+    };
+    if format >= 6 {
+        builder.has_wkt_crs = true;
+        builder.vlrs = vec![record(2112, b"PROJCS[\"a plane\"]\0")];
+    } else {
+        // One key: projected coordinates.
+        let directory: Vec<u8> = [1_u16, 1, 0, 1, 1024, 0, 1, 1]
+            .into_iter()
+            .flat_map(u16::to_le_bytes)
+            .collect();
+        builder.vlrs = vec![record(34735, &directory), record(34737, b"a plane|\0")];
+    }
     let mut writer = Writer::from_path(&path, builder.into_header().unwrap()).unwrap();
     for i in 0..1000_u16 {
         let step = f64::from(i);
@@ -198,6 +215,20 @@ fn what_is_kept_is_exported_exactly() {
             assert!(made.err.contains("300 of 1,000 points"), "{}", made.err);
             let found = points(&at.join(format!("out.{ending}")));
             assert_eq!(found, wanted, "format {format} as {ending}");
+            let system = |path: &Path| {
+                let reader = las::Reader::from_path(path).unwrap();
+                let header = reader.header();
+                let own = |vlr: &&las::Vlr| vlr.user_id == "LASF_Projection";
+                let records = header.vlrs().iter().filter(own);
+                let records: Vec<_> = records
+                    .map(|vlr| (vlr.record_id, vlr.data.clone()))
+                    .collect();
+                assert_eq!(header.has_wkt_crs(), format >= 6);
+                records
+            };
+            let own = system(&at.join(format!("out.{ending}")));
+            assert!(!own.is_empty() && own == system(&source), "{own:?}");
+            assert!(!made.err.contains("coordinate system"), "{}", made.err);
         }
         // Text of the same numbers, by our reader: nothing is lost on the way back.
         let info = run(at, "info --json @out.laz");
@@ -330,5 +361,38 @@ fn legends_show_what_colors_mean() {
         refused.code == 2 && refused.err.contains("--color-by"),
         "{}",
         refused.err
+    );
+}
+
+/// Tiles beside each other are colored over the range of both, and a surface among them keeps its colors.
+#[test]
+fn tiles_share_the_range_of_all() {
+    let made = tempfile::tempdir().unwrap();
+    let at = made.path();
+    for (name, left) in [("a.csv", 0), ("b.csv", 20)] {
+        let row = |i: i32| format!("{},{},0,{}\n", left + i % 20, i / 20, 10 * (left + i % 20));
+        let rows: String = (0..400).map(row).collect();
+        written(at, name, &format!("x,y,z,intensity\n{rows}"));
+    }
+    let shown = |order: &str| {
+        let arguments = format!(
+            "render {order} --color-by intensity --backend cpu --samples 1 --size 90x60 -o @p.png"
+        );
+        let made = run(at, &arguments);
+        assert_eq!(made.code, 0, "{}", made.err);
+        let picture = image::open(at.join("p.png")).unwrap().into_rgb8();
+        (made.err, picture)
+    };
+    let (said, both) = shown("@a.csv @b.csv");
+    assert!(
+        said.contains("all models are colored from 0 to 390"),
+        "{said}"
+    );
+    // Which tile is the first is no matter.
+    assert!(shown("@b.csv @a.csv").1 == both);
+    let (said, _) = shown("@a.csv generate:square:200");
+    assert!(
+        said.contains("generate:square:200: warning: it has no intensity and keeps its colors"),
+        "{said}"
     );
 }

@@ -4,6 +4,9 @@ use crate::display::{Display, changed, load, must_succeed, run};
 use crate::render;
 use serde_json::{Value, json};
 
+/// First row and number of rows of the part of the picture between legend and messages.
+const UNCOVERED_ROWS: [u32; 2] = [160, 190];
+
 /// Steps of a recording.
 #[derive(Default)]
 struct Steps(Vec<String>);
@@ -67,19 +70,24 @@ fn parts_are_kept_by_boxes_words_and_a_key() {
     );
     steps.add(1, json!({ "loaded": model }));
     // The box before "2 ground" of the panel.
-    steps.click(5, [17.0, 177.0]);
+    steps.click(5, [17.0, 198.0]);
     steps.add(10, json!({ "loaded": model }));
     steps.add(12, json!({"cursor": [590.0, 490.0]}));
     steps.key(20, json!({"char": "k"}), true);
     steps.add(22, json!({ "loaded": model }));
     // The field above.
-    steps.click(30, [150.0, 154.0]);
+    steps.click(30, [150.0, 175.0]);
     for (at, letter) in (35..).zip("class=2 height=..2".chars()) {
         steps.add(at, json!({ "text": letter }));
     }
     steps.key(60, json!("enter"), false);
     steps.add(62, json!({ "loaded": model }));
     steps.add(64, json!({"cursor": [590.0, 490.0]}));
+    // The next colors are those by height, then by class, then again those of the file.
+    for step in [70, 80, 90] {
+        steps.key(step, json!({"char": "a"}), true);
+        steps.add(step + 2, json!({ "loaded": model }));
+    }
     let recording = format!("{{\"surfel_input\":1}}\n{}\n", steps.0.join("\n"));
     std::fs::write(file("input.jsonl"), recording).unwrap();
     let mut command = display.surfel(&window);
@@ -107,5 +115,22 @@ fn parts_are_kept_by_boxes_words_and_a_key() {
     ] {
         let differ = changed(&shown(step), wanted);
         assert!(differ < 100, "{what}: {differ} pixels differ");
+    }
+    let part = |picture: &image::RgbImage| {
+        let [top, height] = UNCOVERED_ROWS;
+        image::imageops::crop_imm(picture, 0, top, 324, height).to_image()
+    };
+    let kept = ["--keep", "class=2", "--keep", "height=..2"];
+    let colored = |name: &str| part(&drawn(&[&kept[..], &["--color-by", name]].concat()));
+    let plain = part(&drawn(&kept));
+    for (step, wanted, what) in [
+        (72, colored("height"), "height"),
+        (82, colored("class"), "class"),
+        (92, plain.clone(), "own colors"),
+    ] {
+        let differ = changed(&part(&shown(step)), &wanted);
+        assert!(differ < 100, "{what}: {differ} pixels differ");
+        let is_colored = changed(&plain, &wanted) > 500;
+        assert_eq!(is_colored, step < 92, "{what}");
     }
 }

@@ -157,6 +157,9 @@ pub(in super::super) fn read(
             .table
             .normals
             .resize(if has_normals { points } else { 0 }, Vec3::ZERO);
+        // A scanner measures angles around itself; places alone may have been moved by whoever wrote the file.
+        let is_placed = plan.is_posed() || plan.is_spherical;
+        sink.scanners.push(points, is_placed.then_some(plan.shift));
         sink.append(block.table);
     }
     Ok((Format::E57, sink.finish(job)?))

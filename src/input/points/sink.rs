@@ -10,6 +10,7 @@ use super::super::polygon::PolygonRuns;
 use super::super::{Error, FileCounts, ReadWarning};
 use super::keep_attributes;
 use crate::mesh::attributes::{AttributeColumn, AttributeValues, NumberType};
+use crate::mesh::scanners::ScannerPlaces;
 
 /// Points of a part of a table.
 #[derive(Debug, Default)]
@@ -28,6 +29,8 @@ pub(super) struct CloudSink {
     pub(super) normals: Vec<Vec3>,
     pub(super) colors: ColorSink,
     pub(super) columns: Vec<AttributeColumn>,
+    /// Scanners of the positions, where the file says where they stood.
+    pub(super) scanners: ScannerPlaces,
     /// Points of the file, those left out included.
     pub(super) points: u64,
     /// Scans in the file, and how many of them it moves.
@@ -44,6 +47,7 @@ impl CloudSink {
             normals: Vec::new(),
             colors: ColorSink::new([range; 3]),
             columns,
+            scanners: ScannerPlaces::default(),
             points: 0,
             scans: 0,
             posed: 0,
@@ -84,6 +88,7 @@ impl CloudSink {
             narrow(column);
         }
         keep_attributes(job, self.columns);
+        job.scanners = self.scanners;
         let faces = 0;
         Ok(RawMesh {
             coordinates: settled(self.positions),

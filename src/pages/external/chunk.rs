@@ -138,6 +138,7 @@ fn picked_mesh(
             .collect(),
         origin: space.origin(),
         textures: None,
+        scanners: crate::mesh::scanners::ScannerPlaces::default(),
     };
     let numbers = picked.numbers;
     Ok(NumberedMesh { mesh, numbers })

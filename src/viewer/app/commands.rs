@@ -168,6 +168,7 @@ impl ViewerApp {
             KeyCommand::HoldCut => self.hold_cut(),
             KeyCommand::Section => self.switch_section(),
             KeyCommand::Keep => self.switch_kept(),
+            KeyCommand::PointColors => self.next_point_colors(),
             KeyCommand::Statistics => self.has_statistics = !self.has_statistics,
             KeyCommand::Print => self.print_statistics()?,
             KeyCommand::Screenshot => self.ask_for_screenshot()?,

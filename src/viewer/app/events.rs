@@ -58,6 +58,7 @@ impl ViewerApp {
             ViewerEvent::Focus(has_focus) => {
                 if !has_focus {
                     self.mouse.release();
+                    self.release_section();
                     self.held_keys.clear();
                 }
             }
@@ -74,6 +75,7 @@ impl ViewerApp {
                     self.gesture(gesture)?;
                 } else {
                     self.measuring.cursor_moved();
+                    self.look_for_section();
                 }
             }
             ViewerEvent::Button { .. } if self.fly.is_some() => {}
@@ -85,6 +87,9 @@ impl ViewerApp {
                 let gesture = self.mouse.button(*button, *pressed, *modifiers, self.time);
                 if let Some(gesture) = gesture {
                     self.gesture(gesture)?;
+                }
+                if !pressed {
+                    self.release_section();
                 }
             }
             ViewerEvent::Scroll([_, steps]) => self.wheel += steps,
@@ -352,11 +357,15 @@ impl ViewerApp {
 
     fn gesture(&mut self, gesture: MouseGesture) -> Result<(), ViewerError> {
         match gesture {
-            MouseGesture::Begin(DragAction::Turn | DragAction::Lamp, _) => {}
+            MouseGesture::Begin(DragAction::Turn, at) => {
+                self.is_cover_dirty |= self.grab_section(at);
+            }
+            MouseGesture::Begin(DragAction::Lamp, _) => {}
             MouseGesture::Begin(DragAction::Pan | DragAction::Zoom, at) => {
                 self.drag_distance = self.distance_at(at)?;
                 self.drag_at = at;
             }
+            MouseGesture::Move(DragAction::Turn, _) if self.holds_section() => self.drag_section(),
             MouseGesture::Move(DragAction::Turn, by) => self.change(|orbit| orbit.turn(by)),
             MouseGesture::Move(DragAction::Lamp, by) => self.drag_lamp(by),
             MouseGesture::Move(DragAction::Pan, by) => {
@@ -373,6 +382,7 @@ impl ViewerApp {
                 self.drag_distance *= factor;
             }
             MouseGesture::Measure(at) => self.measure_at(at)?,
+            MouseGesture::Click(_) if self.holds_section() => {}
             MouseGesture::Click(at) => self.click_pose(at),
             MouseGesture::DoubleClick(at) => {
                 if let Some(distance) = self.probe(at)? {

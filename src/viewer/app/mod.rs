@@ -20,7 +20,8 @@ use super::event::KeyboardKey;
 use super::graph::TimeHistory;
 use super::input::MouseState;
 use super::kept_models::WholeModel;
-use super::loader::{LoadError, LoadedModel, ModelLoader};
+use super::loaded_model::{LoadError, LoadedModel};
+use super::loader::ModelLoader;
 use super::measuring::MeasureTool;
 use super::notice::{NoticeList, NoticeWeight};
 use super::pace::PacedFrame;
@@ -185,6 +186,7 @@ pub(super) struct ViewerApp {
     pub(super) asks: Vec<FileAsk>,
     photographs: ModelPhotographs,
     measuring: MeasureTool,
+    section_tool: section::SectionTool,
     /// What the points of each model carry.
     attributes: Vec<Arc<PointAttributes>>,
     kept: KeptParts,
@@ -282,6 +284,7 @@ impl ViewerApp {
             asks: Vec::new(),
             photographs: ModelPhotographs::default(),
             measuring: MeasureTool::default(),
+            section_tool: section::SectionTool::default(),
             attributes: Vec::new(),
             kept: KeptParts::default(),
             is_sample: false,
@@ -334,7 +337,9 @@ impl ViewerApp {
         let has_notices = !self.notices.list().is_empty();
         let has_window = self.has_panel || self.has_help || self.has_graph;
         let has_marks = self.marks != MarkChoice::default() || self.legend.is_some();
-        let has_lines = self.photographs.has_marks() || self.measuring.is_shown();
+        let has_lines = self.photographs.has_marks()
+            || self.measuring.is_shown()
+            || self.settings.section.is_some();
         has_window || has_notices || has_marks || has_lines
     }
 
@@ -433,9 +438,10 @@ impl ViewerApp {
         if !is_part {
             let remarks = loaded.more.iter().map(|part| &part.warnings);
             let mut remarks = [&loaded.warnings].into_iter().chain(remarks);
-            self.legend = remarks.find_map(|own| legend_of(own)).cloned();
+            self.kept.opened_legend = remarks.find_map(|own| legend_of(own)).cloned();
             self.coordinate_system = loaded.coordinate_system;
         }
+        self.legend = loaded.legend.or_else(|| self.kept.opened_legend.clone());
         let mut wholes = vec![WholeModel {
             path: path.to_owned(),
             model: loaded.model.clone(),

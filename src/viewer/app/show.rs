@@ -8,7 +8,7 @@ use super::poses::{paint_map, paint_poses};
 use crate::image::PictureMarks;
 use crate::math::camera::Camera;
 use crate::pack::ColorBy;
-use crate::viewer::panel::{self, PanelState, PanelWish, measures};
+use crate::viewer::panel::{self, PanelState, PanelWish, measures, section};
 use crate::viewer::{ViewerError, help};
 use egui::{Align2, Area, Frame, vec2};
 use glam::{DVec2, Vec3};
@@ -116,6 +116,7 @@ impl ViewerApp {
         let poses = self.poses();
         let pose_map = self.pose_map();
         let measure_marks = self.measure_marks();
+        let section_marks = self.section_marks();
         let marks = self.picture_marks();
         let inset = self.inset() as f32;
         let left = if self.has_panel { panel::WIDTH } else { 0.0 };
@@ -126,6 +127,7 @@ impl ViewerApp {
             if let Some(map) = &pose_map {
                 paint_map(context, map, inset, size);
             }
+            section::paint(context, &section_marks, inset, size);
             measures::paint(context, &measure_marks, inset, size);
             measures::point_info(context, self.measuring.seen());
             paint_marks(context, &marks, inset, size);
@@ -180,6 +182,7 @@ impl ViewerApp {
                 PanelWish::Open(path) => self.open(path, Vec::new()),
                 PanelWish::RemoveMeasure(index) => self.measuring.remove(index),
                 PanelWish::Keep(text) => self.keep(&text),
+                PanelWish::ColorPoints(setting) => self.color_points(setting),
                 PanelWish::FrameTime(ms) => self.set_frame_time(ms),
                 PanelWish::Photograph(wish) => self.photograph_wish(wish),
                 PanelWish::Show { part, is_shown } => {

@@ -1,6 +1,9 @@
 //! The part of the panel for what is kept: conditions in a field, and classes to tick.
 
 use super::PanelWish;
+use super::point_colors::{self, PointColorState};
+#[cfg(test)]
+use crate::input::PointColoring;
 use crate::input::{FieldCondition, FilterField, PointFilter, name_of_class};
 use egui::{Key, TextEdit, Ui};
 
@@ -11,6 +14,8 @@ pub struct KeepState {
     pub text: String,
     /// Classes that points have, and whether each is kept as far as conditions on classes say.
     pub classes: Vec<(u8, bool)>,
+    /// Colors of points.
+    pub colors: PointColorState,
 }
 
 /// Conditions as they are being written, and those that they were written over.
@@ -52,8 +57,9 @@ fn with_classes(text: &str, classes: &[(u8, bool)]) -> Option<String> {
     Some(filter.to_string())
 }
 
-/// A field for conditions, and a box for each class where there are several.
+/// Colors of points, a field for conditions, and a box for each class where there are several.
 pub(super) fn show(ui: &mut Ui, state: &KeepState, wishes: &mut Vec<PanelWish>) {
+    point_colors::show(ui, &state.colors, wishes);
     let tip = "Keep only what meets these conditions: class=2,6 height=10..80 intensity=..200 x=5.., or any attribute \
         that surfel info lists. Enter applies them; empty keeps all (Ctrl K)";
     let id = ui.id().with("keep");
@@ -95,12 +101,18 @@ pub(super) fn show(ui: &mut Ui, state: &KeepState, wishes: &mut Vec<PanelWish>) 
     }
 }
 
-/// Two classes, both kept.
+/// Two classes, both kept, and colors by height.
 #[cfg(test)]
 pub(super) fn for_tests() -> KeepState {
     KeepState {
         text: String::new(),
         classes: vec![(2, true), (6, true)],
+        colors: PointColorState {
+            choices: vec![PointColoring::Height],
+            by: Some(PointColoring::Height),
+            opened_by: None,
+            range: Some([12.5, 31.5]),
+        },
     }
 }
 

@@ -1,10 +1,65 @@
 //! The part of the panel for the section: a box that cuts what is drawn, in the coordinates of the file.
 
 use super::{PanelFacts, PanelWish};
+use crate::image::AXIS_COLORS;
 use crate::math::section_box::SectionBox;
 use crate::render::{Method, Settings};
 use crate::viewer::input::KeyCommand;
-use egui::{DragValue, Ui};
+use egui::{Color32, Context, DragValue, Stroke, Ui, pos2};
+
+/// The box of a section and its handles, over the picture.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SectionMarks {
+    /// Ends of the edges, pixels of the picture.
+    pub edges: Vec<[[f32; 2]; 2]>,
+    /// The handles.
+    pub handles: Vec<HandleMark>,
+}
+
+/// A handle of a section.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandleMark {
+    /// Middle of the handle, pixels of the picture.
+    pub place: [f32; 2],
+    /// The axis along which it moves: 0 to 2.
+    pub axis: usize,
+    /// State of being held, or under the cursor.
+    pub is_lit: bool,
+}
+
+/// Paints the box and its handles over the picture, which begins `inset` pixels from the left.
+pub(in crate::viewer) fn paint(
+    context: &Context,
+    marks: &SectionMarks,
+    inset: f32,
+    size: egui::Vec2,
+) {
+    let scale = context.pixels_per_point();
+    let left = inset / scale;
+    let area = egui::Rect::from_min_max(pos2(left, 0.0), pos2(size.x, size.y));
+    let painter = context
+        .layer_painter(egui::LayerId::background())
+        .with_clip_rect(area);
+    let at = |[x, y]: [f32; 2]| pos2(left + x / scale, y / scale);
+    for (color, width) in [
+        (Color32::from_black_alpha(120), 3.0),
+        (Color32::from_white_alpha(200), 1.0),
+    ] {
+        for &edge in &marks.edges {
+            painter.line_segment(edge.map(at), Stroke::new(width, color));
+        }
+    }
+    for mark in &marks.handles {
+        let [r, g, b] = AXIS_COLORS[mark.axis];
+        let radius = if mark.is_lit { 8.0 } else { 6.0 };
+        painter.circle(
+            at(mark.place),
+            radius,
+            Color32::from_rgb(r, g, b),
+            Stroke::new(if mark.is_lit { 2.0 } else { 1.0 }, Color32::WHITE),
+        );
+    }
+}
 
 /// Steps from one side of the model to the other that dragging makes in a pixel each.
 const STEPS: f64 = 300.0;
@@ -25,7 +80,7 @@ pub(super) fn show(
         settings.section.is_some() || settings.has_cut() || settings.method == Method::Triangles;
     let mut is_on = settings.section.is_some();
     ui.add_enabled_ui(is_used, |ui| {
-        let tip = "Cut away the nearer half, to look inside, or nothing again (Shift Y)";
+        let tip = "Cut away the nearer half, to look inside, or nothing again; drag the handles in the picture (Shift Y)";
         let change = ui
             .checkbox(&mut is_on, "section")
             .on_hover_text(tip)
@@ -71,7 +126,7 @@ pub(super) fn show(
 }
 
 /// Decimals that show a step of dragging.
-fn decimals_of(step: f64) -> usize {
+pub(super) fn decimals_of(step: f64) -> usize {
     let wanted = 1.0 - step.max(f64::MIN_POSITIVE).log10().floor();
     wanted.clamp(0.0, 9.0) as usize
 }

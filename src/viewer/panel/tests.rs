@@ -225,12 +225,13 @@ fn listed_keys() -> Vec<&'static str> {
 }
 
 /// Beginnings of the tooltips of controls that no key has.
-const WITHOUT_KEYS: [&str; 5] = [
+const WITHOUT_KEYS: [&str; 6] = [
     "Draw a node as one polygon",
     "Error of",
     "End of the section",
     "Hold the shade",
     "Of vertices: ",
+    "Values of points",
 ];
 
 /// Whether a tooltip names, in parentheses, a key that is listed.
@@ -361,11 +362,11 @@ fn what_a_click_does_a_key_does() {
                 PanelWish::Settings(new) if new.method != settings.method => {
                     commands.contains(&KeyCommand::Method(new.method))
                 }
-                PanelWish::Settings(new) if new.two_sided != settings.two_sided => {
-                    commands.contains(&KeyCommand::TwoSided)
-                }
                 PanelWish::Settings(new) if new.vertex_splats != settings.vertex_splats => {
                     commands.contains(&KeyCommand::VertexSplats)
+                }
+                PanelWish::Settings(new) if new.two_sided != settings.two_sided => {
+                    commands.contains(&KeyCommand::TwoSided)
                 }
                 PanelWish::Settings(new) if new.use_colors != settings.use_colors => {
                     commands.contains(&KeyCommand::Colors)
@@ -374,12 +375,11 @@ fn what_a_click_does_a_key_does() {
                     new.depth_offset.is_none() && commands.contains(&KeyCommand::UsualDepthOffset)
                 }
                 PanelWish::Keep(_) => commands.contains(&KeyCommand::Keep),
+                PanelWish::ColorPoints(_) => commands.contains(&KeyCommand::PointColors),
                 PanelWish::Light(_) => commands.contains(&KeyCommand::Light),
                 PanelWish::Normals(_) => commands.contains(&KeyCommand::Normals),
-                PanelWish::Show { .. }
-                | PanelWish::Photograph(_)
-                | PanelWish::RemoveMeasure(_)
-                | PanelWish::Open(_) => false,
+                PanelWish::Show { .. } | PanelWish::Photograph(_) => false,
+                PanelWish::RemoveMeasure(_) | PanelWish::Open(_) => false,
                 PanelWish::FrameTime(_) => commands.contains(&KeyCommand::FrameTime(1)),
             };
             assert!(

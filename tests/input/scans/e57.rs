@@ -116,6 +116,10 @@ fn scans_stand_at_their_poses() {
         let apart = place(&loaded, at).distance(wanted);
         assert!(apart < 1e-4, "{at}: {apart}");
     }
+    // The first scan does not say where its scanner stood; of the second, angles and a pose do.
+    let scanners = [18, 19, 21].map(|point| loaded.mesh.scanners.of_point(point));
+    let second = Some(DVec3::new(1000.0, 0.0, 0.0));
+    assert_eq!(scanners, [None, second, second]);
     assert_eq!(loaded.mesh.colors[18], [255, 0, 19, 255]);
     assert_eq!(loaded.mesh.colors[20], [255; 4]);
     assert_eq!(histogram(column(&loaded, "scan")), [(0, 19), (1, 3)]);

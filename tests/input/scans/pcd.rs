@@ -98,6 +98,9 @@ fn the_viewpoint_moves_and_turns() {
         place.distance(DVec3::new(98.0, 202.0, 303.0)) < 1e-4,
         "{place}"
     );
+    let scanner = mesh.scanners.of_point(1);
+    assert_eq!(scanner, Some(DVec3::new(100.0, 200.0, 300.0)));
+    assert!(!read("a.pcd", binary()).mesh.scanners.is_any_known());
 }
 
 #[test]

@@ -89,6 +89,13 @@ fn scans_of_ptx_stand_where_their_heads_say() {
         assert!(place.distance(wanted) < 0.2, "{place}, {wanted}");
     }
     assert_eq!(all.len(), 5);
+    let scanners = [2, 3].map(|point| loaded.mesh.scanners.of_point(point));
+    let second = DVec3::new(1e6, 2e6, 30.0);
+    assert_eq!(scanners, [Some(DVec3::ZERO), Some(second)]);
+    // Where coordinates are those of the world, the head says where the scanner stood.
+    let placed = read("a.ptx", text.replacen("0 0 0\n", "5 6 7\n", 1));
+    let first = placed.mesh.scanners.of_point(2);
+    assert_eq!(first, Some(DVec3::new(5.0, 6.0, 7.0)));
     let said = remarks(&loaded);
     assert!(
         said.contains("1 points without a measurement left out"),

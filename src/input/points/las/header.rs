@@ -1,5 +1,6 @@
 //! The public header of LAS and the variable records after it.
 
+use super::super::super::coordinate_records::SYSTEM_USER;
 use super::super::super::job::ReadJob;
 use super::super::super::part::PartFate;
 use super::super::super::{Error, FilePlace};
@@ -75,6 +76,7 @@ impl LasHeader {
             let missing = format!("a LAS header has {SMALLEST_HEADER} bytes");
             return Err(job.truncated(FilePlace::Byte(data.len() as u64), missing));
         }
+        job.coordinate_records.see_encoding(u16_at(data, 6));
         let (major, minor) = (data[24], data[25]);
         if major != 1 || minor > 5 {
             let reason = format!("LAS version {major}.{minor} is not known (1.0 to 1.5 are)");
@@ -202,6 +204,7 @@ impl LasHeader {
     }
 
     fn see(&mut self, job: &mut ReadJob<'_>, record: &VariableRecord<'_>) {
+        (job.coordinate_records).take(&record.user, record.id, record.body);
         let mut list = |what: &str, fate, note: String| {
             job.inventory
                 .add(what, record.body.len() as u64, fate, note);
@@ -230,11 +233,11 @@ impl LasHeader {
                     .extend(record.body.chunks_exact(192).map(ExtraField::of));
                 list("record of extra bytes", PartFate::Used, String::new());
             }
-            ("LASF_Projection", 2112) => {
+            (SYSTEM_USER, 2112) => {
                 let text = system_text(record.body);
                 list("coordinate system", PartFate::Unneeded, text);
             }
-            ("LASF_Projection", 34737) => {
+            (SYSTEM_USER, 34737) => {
                 let text: Vec<u8> = record
                     .body
                     .iter()

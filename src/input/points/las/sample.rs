@@ -108,7 +108,13 @@ mod tests {
         };
         let is_packed = path.extension().is_some_and(|ending| ending == "laz");
         let mut file = std::io::BufWriter::new(std::fs::File::create(path).unwrap());
-        write_las(&mesh, &PointAttributes::default(), is_packed, &mut file).unwrap();
+        write_las(
+            (&mesh, &PointAttributes::default()),
+            &input::CoordinateRecords::default(),
+            is_packed,
+            &mut file,
+        )
+        .unwrap();
         drop(file);
         let progress = SampleList::default();
         let loaded = input::load(path, &input::ReadOptions::default(), &progress).unwrap();

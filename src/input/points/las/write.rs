@@ -10,6 +10,7 @@ use laz::laszip::LasZipCompressor;
 use laz::{LazVlr, LazVlrBuilder};
 
 use super::header::FORMAT_BYTES;
+use crate::input::coordinate_records::{CoordinateRecords, SYSTEM_USER, TEXT_BIT};
 use crate::mesh::Mesh;
 use crate::mesh::attributes::{AttributeColumn, CoordinateGrid, NumberType, PointAttributes};
 
@@ -46,20 +47,23 @@ struct RecordPlan<'a> {
     format: u8,
     bytes: usize,
     grid: CoordinateGrid,
+    /// Records of the coordinate system.
+    system: Vec<(u16, &'a [u8])>,
 }
 
-/// Writes all points of a cloud; the attributes are in their order. Returns the step of the coordinates.
+/// Writes all points of a cloud; the attributes are in their order. Returns whether the coordinate system is in the file.
 ///
 /// # Errors
 /// When the stream fails; coordinates too far apart for their step, or too many attributes, which is
 /// [`io::ErrorKind::InvalidInput`].
 pub(crate) fn write<W: Write + Seek + Send + Sync>(
-    mesh: &Mesh,
-    attributes: &PointAttributes,
+    (mesh, attributes): (&Mesh, &PointAttributes),
+    system: &CoordinateRecords,
     is_packed: bool,
     out: &mut W,
-) -> io::Result<DVec3> {
-    let plan = RecordPlan::of(mesh, attributes)?;
+) -> io::Result<bool> {
+    let mut plan = RecordPlan::of(mesh, attributes)?;
+    plan.system = system.for_format(plan.format);
     let packing = is_packed
         .then(|| plan.packing())
         .transpose()
@@ -88,7 +92,7 @@ pub(crate) fn write<W: Write + Seek + Send + Sync>(
         RecordPacker::Plain(out) => out.flush()?,
         RecordPacker::Laz(packer) => packer.done()?,
     }
-    Ok(plan.grid.step)
+    Ok(!plan.system.is_empty())
 }
 
 enum RecordPacker<'a, W: Write + Seek + Send + Sync> {
@@ -144,6 +148,7 @@ impl<'a> RecordPlan<'a> {
             format: 0,
             bytes: 0,
             grid,
+            system: Vec::new(),
         };
         plan.format = plan.format();
         let own = plan
@@ -266,6 +271,19 @@ impl<'a> RecordPlan<'a> {
         }
     }
 
+    /// Number of points of each return, from the first on.
+    fn points_by_return(&self) -> [u64; 15] {
+        let mut by_return = [0; 15];
+        let returns = self.column("return");
+        for index in 0..self.mesh.positions.len() {
+            let number = returns.map_or(1.0, |_| self.value("return", index));
+            if let Some(count) = by_return.get_mut((number as usize).wrapping_sub(1)) {
+                *count += 1;
+            }
+        }
+        by_return
+    }
+
     /// Header and variable records.
     fn head(&self, packing: Option<&LazVlr>) -> io::Result<Vec<u8>> {
         let mut records: Vec<u8> = Vec::new();
@@ -279,6 +297,9 @@ impl<'a> RecordPlan<'a> {
             records.extend(body);
             count += 1;
         };
+        for (id, body) in &self.system {
+            add(SYSTEM_USER, *id, body);
+        }
         if !self.extra.is_empty() {
             let body: Vec<u8> = self
                 .extra
@@ -293,15 +314,7 @@ impl<'a> RecordPlan<'a> {
             add("laszip encoded", 22204, &body);
         }
         let points = self.mesh.positions.len() as u64;
-        let mut by_return = [0_u64; 15];
-        for index in 0..self.mesh.positions.len() {
-            let number = self
-                .column("return")
-                .map_or(1.0, |_| self.value("return", index));
-            if let Some(count) = by_return.get_mut((number as usize).wrapping_sub(1)) {
-                *count += 1;
-            }
-        }
+        let by_return = self.points_by_return();
         let mut low = DVec3::INFINITY;
         let mut high = DVec3::NEG_INFINITY;
         for index in 0..self.mesh.positions.len() {
@@ -310,8 +323,9 @@ impl<'a> RecordPlan<'a> {
         }
         let mut head = Vec::with_capacity(HEADER_BYTES + records.len());
         head.extend(b"LASF\0\0");
-        // Coordinate systems are in WKT, which formats from 6 on must say.
-        head.extend((if self.format >= 6 { 16_u16 } else { 0 }).to_le_bytes());
+        // Formats from 6 on must say that their coordinate systems are texts.
+        let is_text = self.format >= 6 || CoordinateRecords::are_text(&self.system);
+        head.extend((if is_text { TEXT_BIT } else { 0 }).to_le_bytes());
         head.extend([0; 16]);
         head.extend([1, 4]);
         head.extend(padded::<32>("EXTRACTION"));

@@ -117,6 +117,8 @@ pub(in super::super) fn read(
     }
     sink.points = found;
     sink.holes = drop_holes(&mut sink);
+    let scanner = plan.is_posed().then_some(plan.shift);
+    sink.scanners.push(sink.positions.len(), scanner);
     for field in &header.fields {
         if !field.name.starts_with('_') {
             let name = format!("field {}", field.name);
@@ -222,6 +224,11 @@ fn plan(job: &ReadJob<'_>, header: &PcdHeader) -> Result<(PcdPlan, Vec<Attribute
 }
 
 impl PcdPlan {
+    /// Tells whether the file says where the scanner stood.
+    fn is_posed(&self) -> bool {
+        self.turn != DQuat::IDENTITY || self.shift != DVec3::ZERO
+    }
+
     /// The points of a run of binary rows.
     fn block(&self, body: &[u8], rows: std::ops::Range<usize>) -> TableBlock {
         let value = |source: &PcdSource, row: usize| {
@@ -251,7 +258,7 @@ impl PcdPlan {
                 value(&sources[2], row),
             )
         };
-        let is_posed = self.turn != DQuat::IDENTITY || self.shift != DVec3::ZERO;
+        let is_posed = self.is_posed();
         let place = |row| {
             let place = three(&self.position, row);
             if is_posed {

@@ -262,6 +262,8 @@ impl TextPlan {
 /// The head of a scan in PTX.
 struct PtxHead {
     points: u64,
+    /// Registered place of the scanner.
+    scanner: DVec3,
     pose: ScanPose,
     /// Offset of the first line of points.
     points_at: usize,
@@ -288,6 +290,7 @@ fn ptx_head(data: &[u8], at: usize) -> Option<PtxHead> {
     let three = |row: &[f64]| DVec3::new(row[0], row[1], row[2]);
     Some(PtxHead {
         points: count(&rows[0])?.saturating_mul(count(&rows[1])?),
+        scanner: three(&rows[2]),
         pose: ScanPose {
             rows: [6, 7, 8, 9].map(|row: usize| three(&rows[row])),
         },
@@ -318,9 +321,14 @@ fn read_ptx(
         }
         let pose = head.pose;
         sink.scans += 1;
-        sink.posed += u64::from(pose.rows != ScanPose::NONE.rows);
-        let before = sink.positions.len() as u64 + state.holes + state.bad_lines;
+        let is_posed = pose.rows != ScanPose::NONE.rows;
+        sink.posed += u64::from(is_posed);
+        let (first, scanner) = (sink.positions.len(), head.scanner);
+        let before = first as u64 + state.holes + state.bad_lines;
         read_lines(job, data, head.points_at..end, plan, pose, sink, state)?;
+        // Coordinates that the file moves are around the scanner.
+        let scanner = if is_posed { pose.rows[3] } else { scanner };
+        (sink.scanners).push(sink.positions.len() - first, Some(scanner));
         let found = sink.positions.len() as u64 + state.holes + state.bad_lines - before;
         if found < head.points {
             job.warn(ReadWarning::CountContradicts {

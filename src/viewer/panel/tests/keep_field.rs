@@ -1,6 +1,7 @@
 //! The field for what is kept, and the boxes of classes.
 
 use super::*;
+use crate::input::{ColorSetting, PointColoring};
 
 #[test]
 fn conditions_are_written_and_classes_ticked() {
@@ -39,4 +40,33 @@ fn conditions_are_written_and_classes_ticked() {
     };
     let controls = stage.controls(&hidden);
     assert!(controls.iter().all(|own| own.role != Role::TextInput));
+}
+
+#[test]
+fn points_take_the_colors_of_what_is_chosen_and_a_range() {
+    let (facts, settings, mut stage) = (facts(), Settings::default(), Stage::new());
+    let shown = state(&settings, &facts);
+    let height = PointColoring::Height;
+    let ask = |range| {
+        let by = height.clone();
+        [PanelWish::ColorPoints(Some(ColorSetting { by, range }))]
+    };
+    // Written into a field, an end takes effect when it is left.
+    let controls = stage.controls(&shown);
+    let end = controls
+        .iter()
+        .find(|own| own.name.starts_with("31.5"))
+        .unwrap();
+    let at = end.middle;
+    assert!(stage.click(&shown, at).is_empty());
+    let enter = Event::Key {
+        key: egui::Key::Enter,
+        physical_key: None,
+        pressed: true,
+        repeat: false,
+        modifiers: egui::Modifiers::NONE,
+    };
+    stage.pass(&shown, vec![Event::Text("25".to_owned())]);
+    let (_, _, wishes) = stage.pass(&shown, vec![enter]);
+    assert_eq!(wishes, ask(Some([12.5, 25.0])));
 }
