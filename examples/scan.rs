@@ -125,7 +125,7 @@ fn scan() -> Result<Mesh, Box<dyn std::error::Error>> {
         depth: true,
         ..PictureOutputs::default()
     };
-    let mut engine = Engine::new(&Backend::Mirror, &model, (SIDE, SIDE), outputs)?;
+    let mut engine = Engine::new(&Backend::Reference, &model, (SIDE, SIDE), outputs)?;
     let settings = Settings {
         method: Method::Triangles,
         ..Settings::default()

@@ -188,7 +188,7 @@ fn every_executor_darkens_its_picture_by_its_depths() {
                     (&vulkan, Path::Raster),
                     (&vulkan, Path::Compute),
                     (&Backend::Cpu, Path::Auto),
-                    (&Backend::Mirror, Path::Auto),
+                    (&Backend::Reference, Path::Auto),
                 ]
                 .into_iter()
                 .enumerate()
@@ -246,7 +246,7 @@ fn points_without_normals_are_darkened_where_it_is_left_open() {
         (&surface, false),
     ] {
         let view = orbit(model, SIZE, 30.0, 20.0, 1.0);
-        for backend in [&vulkan, &Backend::Cpu, &Backend::Mirror] {
+        for backend in [&vulkan, &Backend::Cpu, &Backend::Reference] {
             for method in [Method::Pop, Method::Points] {
                 let auto = Settings { method, ..auto };
                 let of = |eye_dome| picture(backend, model, &view, &Settings { eye_dome, ..auto });
@@ -285,7 +285,7 @@ fn a_background_of_two_colors_lies_behind_what_every_executor_draws() {
         (SplatKind::Filtered, &vulkan),
         (SplatKind::Filtered, &Backend::Cpu),
         (SplatKind::Square, &Backend::Cpu),
-        (SplatKind::Filtered, &Backend::Mirror),
+        (SplatKind::Filtered, &Backend::Reference),
     ] {
         let flat = Settings {
             splat,

@@ -25,7 +25,7 @@ fn cases() -> &'static [FailureCase] {
     static CASES: OnceLock<Vec<FailureCase>> = OnceLock::new();
     CASES.get_or_init(|| {
         let made = scenes::ALL.par_iter();
-        made.map(|entry| FailureCase::new(entry, &Backend::Mirror).unwrap())
+        made.map(|entry| FailureCase::new(entry, &Backend::Reference).unwrap())
             .collect()
     })
 }
@@ -57,7 +57,7 @@ fn check(backend: &Backend) {
         case.judge(look, &picture).unwrap()
     };
     let cells: Vec<FailureCell> = match backend {
-        Backend::Mirror => pairs.par_iter().map(judge).collect(),
+        Backend::Reference => pairs.par_iter().map(judge).collect(),
         _ => pairs.iter().map(judge).collect(),
     };
     let mut wrong = Vec::new();
@@ -94,7 +94,7 @@ fn check(backend: &Backend) {
 
 #[test]
 fn every_scene_by_every_method_on_the_mirror() {
-    check(&Backend::Mirror);
+    check(&Backend::Reference);
 }
 
 #[test]
@@ -153,7 +153,7 @@ fn place_and_size_of_a_model_do_not_matter() {
         let settings = Settings::default();
         let size = (case.view.width, case.view.height);
         Engine::new(
-            &Backend::Mirror,
+            &Backend::Reference,
             &case.model,
             size,
             PictureOutputs::default(),

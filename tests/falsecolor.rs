@@ -43,7 +43,7 @@ fn backends() -> Backends {
     let device = Device::open();
     let on_device = device.as_ref().map(|d| Backend::Device(d.gpu().clone()));
     Backends(
-        [Some(Backend::Mirror), on_device]
+        [Some(Backend::Reference), on_device]
             .into_iter()
             .flatten()
             .collect(),
@@ -432,7 +432,7 @@ fn data_as_colors_are_the_same_on_device_and_mirror() {
                 continue;
             }
             let (ours, _) = draw(&device, &model, &view, &settings);
-            let (theirs, _) = draw(&Backend::Mirror, &model, &view, &settings);
+            let (theirs, _) = draw(&Backend::Reference, &model, &view, &settings);
             let what = format!("{method:?} {splat:?} {color_by:?}");
             pictures::REFERENCE_DATA.assert_same(&theirs, &ours, &what);
         }

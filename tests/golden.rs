@@ -280,7 +280,7 @@ fn the_processor_draws_the_goldens() {
 #[test]
 fn the_mirror_draws_the_goldens() {
     draws_the_goldens(
-        &Backend::Mirror,
+        &Backend::Reference,
         PictureExecutor::Reference,
         GOLDEN_REFERENCE,
     );

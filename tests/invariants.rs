@@ -394,7 +394,7 @@ fn splats_above_the_devices_point_limit_are_drawn_whole() {
         "the scene must ask for more than {limit} px, not {largest}"
     );
     let picture = draw(&device, &model, &view, &settings(Method::Pop, 1.0));
-    let mirror = Engine::new(&Backend::Mirror, &model, (600, 400), ALL)
+    let mirror = Engine::new(&Backend::Reference, &model, (600, 400), ALL)
         .unwrap()
         .with_subpixel_bits(device.gpu().info().subpixel_bits)
         .render(&view, &settings(Method::Pop, 1.0))

@@ -165,7 +165,7 @@ fn a_sphere_has_the_closed_form_shade_highlight_and_terminator() {
                 method: Method::Triangles,
                 ..with(lamp, 0.15, 0.3, 20.0)
             };
-            let image = draw(&Backend::Mirror, &model, &view, &settings);
+            let image = draw(&Backend::Reference, &model, &view, &settings);
             let (mut checked, mut dark, mut bright) = (0, 0, 0);
             for (i, got) in image.color.iter().enumerate() {
                 let Some((hit, to_eye)) = on_sphere(is_perspective, i) else {
@@ -206,7 +206,7 @@ fn a_sphere_anywhere_has_the_closed_form_of_lights_that_go_with_the_camera() {
                 light: SurfaceLighting::Sphere(sphere),
                 ..Settings::default()
             };
-            let image = draw(&Backend::Mirror, &model, &view, &settings);
+            let image = draw(&Backend::Reference, &model, &view, &settings);
             let mut checked = 0;
             for (i, got) in image.color.iter().enumerate() {
                 let Some((hit, to_eye)) = on_sphere(is_perspective, i) else {
@@ -255,7 +255,7 @@ fn the_highlight_lies_where_the_normal_halves_light_and_eye() {
         method: Method::Triangles,
         ..with(from_camera(60.0, 20.0), 1.0, 0.2, 200.0)
     };
-    let image = draw(&Backend::Mirror, &model, &view, &settings);
+    let image = draw(&Backend::Reference, &model, &view, &settings);
     let at_least = |level: u8| {
         let (mut n, mut x, mut y) = (0.0, 0.0, 0.0);
         for (i, c) in image.color.iter().enumerate() {
@@ -302,8 +302,8 @@ fn a_lamp_in_the_eye_without_ambience_and_gloss_is_the_headlight() {
             light: with(Lamp::At(eye), 0.0, 0.0, 1.0).light,
             ..headlight
         };
-        let a = draw(&Backend::Mirror, &model, &view, &headlight);
-        let b = draw(&Backend::Mirror, &model, &view, &lamp);
+        let a = draw(&Backend::Reference, &model, &view, &headlight);
+        let b = draw(&Backend::Reference, &model, &view, &lamp);
         let far = a
             .color
             .iter()
@@ -337,7 +337,7 @@ fn the_back_is_lit_from_its_own_side_or_not_at_all() {
                 culling,
                 ..with(from_camera(0.0, 0.0), 0.1, 0.2, 8.0)
             };
-            let image = draw(&Backend::Mirror, &model, &view, &settings);
+            let image = draw(&Backend::Reference, &model, &view, &settings);
             let got = image.color[30 * 60 + 30];
             assert_eq!(got, [wanted, wanted, wanted, 255], "{method:?} {two_sided}");
         }
@@ -353,7 +353,7 @@ fn the_back_is_lit_from_its_own_side_or_not_at_all() {
         threshold_px: 5.0,
         ..with(from_camera(70.0, 0.0), 0.1, 0.2, 8.0)
     };
-    let image = draw(&Backend::Mirror, &cloud, &along_z(true), &settings);
+    let image = draw(&Backend::Reference, &cloud, &along_z(true), &settings);
     let covered: Vec<_> = image.color.iter().filter(|c| c[3] > 0).collect();
     assert!(covered.len() > 1000);
     assert!(covered.iter().all(|c| **c == [204, 204, 204, 255]));
@@ -373,7 +373,7 @@ fn means_of_normals_have_the_closed_form_in_a_lamp() {
                 threshold_px: 2.0,
                 ..with(lamp, 0.15, 0.3, 20.0)
             };
-            let image = draw(&Backend::Mirror, &round, &view, &settings);
+            let image = draw(&Backend::Reference, &round, &view, &settings);
             let (mut worst, mut sum, mut count) = (0f64, 0.0, 0);
             for (i, got) in image.color.iter().enumerate() {
                 if let Some((hit, to_eye)) = on_sphere(is_perspective, i)
@@ -405,7 +405,7 @@ fn filtered_splats_are_the_mean_in_a_lamp_too() {
             splat: SplatKind::Filtered,
             ..with(lamp, 0.1, 0.2, 32.0)
         };
-        let image = draw(&Backend::Mirror, &round, &view, &settings);
+        let image = draw(&Backend::Reference, &round, &view, &settings);
         let mut worst = 0f64;
         for (i, got) in image.color.iter().enumerate() {
             if let Some((hit, to_eye)) = on_sphere(true, i)
@@ -427,7 +427,7 @@ fn filtered_splats_are_the_mean_in_a_lamp_too() {
         ..with(from_camera(70.0, 20.0), 0.1, 0.2, 32.0)
     };
     let reference = Engine::new(
-        &Backend::Mirror,
+        &Backend::Reference,
         &rough,
         (120, 120),
         PictureOutputs::default(),
@@ -437,7 +437,7 @@ fn filtered_splats_are_the_mean_in_a_lamp_too() {
     .unwrap();
     let [squares, filtered] = [SplatKind::Square, SplatKind::Filtered].map(|splat| {
         let image = draw(
-            &Backend::Mirror,
+            &Backend::Reference,
             &rough,
             &view,
             &with_splat(Method::Pop, splat),
@@ -545,7 +545,7 @@ fn the_device_draws_what_the_mirror_draws() {
                 };
                 let name = format!("{name} {light:?} {method:?} {splat:?} {threshold_px}");
                 let a = draw(&device_backend, &model, &view, &settings);
-                let b = draw(&Backend::Mirror, &model, &view, &settings);
+                let b = draw(&Backend::Reference, &model, &view, &settings);
                 pictures::REFERENCE_LAMP.assert_same(&b, &a, &name);
             }
         }

@@ -83,7 +83,7 @@ impl<'m> Pair<'m> {
 #[test]
 fn no_bit_of_a_picture_changes_on_an_orbit() {
     let Some(device) = Device::open() else { return };
-    let backends = [Backend::Device(device.gpu().clone()), Backend::Mirror];
+    let backends = [Backend::Device(device.gpu().clone()), Backend::Reference];
     for (shape, culling) in [
         (GeneratedShape::Statue, Culling::Auto),
         (GeneratedShape::Torus, Culling::Off),
@@ -91,7 +91,7 @@ fn no_bit_of_a_picture_changes_on_an_orbit() {
         let model = generated(shape, 100_000);
         let mut hidden = 0;
         for backend in &backends {
-            let is_mirror = matches!(backend, Backend::Mirror);
+            let is_mirror = matches!(backend, Backend::Reference);
             let mut pair = Pair::new(backend, &model, (150, 130));
             // By compute as well, which the host stands for elsewhere.
             let by_compute = (Method::Pop, SplatKind::Square, Path::Compute);
@@ -239,7 +239,7 @@ fn splats_that_cover_what_cannot_be_told_hide_nothing() {
     let Some(device) = Device::open() else { return };
     let model = generated(GeneratedShape::Statue, 60_000);
     let view = orbit(&model, (100, 100), 30.0, 20.0, 1.0);
-    let backends = [Backend::Device(device.gpu().clone()), Backend::Mirror];
+    let backends = [Backend::Device(device.gpu().clone()), Backend::Reference];
     let counts = |splat, blend, occlusion| {
         let settings = Settings {
             splat,
@@ -450,7 +450,7 @@ fn nothing_is_left_behind_a_plate_that_fills_the_view() {
     let model = build(mesh);
     let undrawn = ZeroAreaSet::new(&model);
     assert_ne!(undrawn, ZeroAreaSet::new(&behind));
-    let backend = Backend::Mirror;
+    let backend = Backend::Reference;
     let mut pair = Pair::new(&backend, &model, (100, 100));
     let look = Settings {
         threshold_px: 3.0,

@@ -40,7 +40,7 @@ fn both(
 ) {
     let backend = Backend::Device(device.gpu().clone());
     let draw = |backend| pictures::draw(backend, model, view, settings, OUTPUTS).unwrap();
-    oracle.assert_same(&draw(&Backend::Mirror), &draw(&backend), name);
+    oracle.assert_same(&draw(&Backend::Reference), &draw(&backend), name);
 }
 
 fn every_method(device: &Device, model: &Model, view: &View, name: &str, oracle: PictureOracle) {
@@ -140,7 +140,11 @@ fn filtered_splats() {
                 };
                 let picture = draw(&Backend::Device(device.gpu().clone()));
                 let what = format!("{name} {fill} {threshold_px} {culling:?}");
-                pictures::REFERENCE_FILTERED.assert_same(&draw(&Backend::Mirror), &picture, &what);
+                pictures::REFERENCE_FILTERED.assert_same(
+                    &draw(&Backend::Reference),
+                    &picture,
+                    &what,
+                );
             }
         }
     }
@@ -164,7 +168,7 @@ fn what_filtered_splats_cannot_draw_is_refused_by_name() {
         splat: SplatKind::Filtered,
         ..Settings::default()
     };
-    for backend in [Backend::Device(device.gpu().clone()), Backend::Mirror] {
+    for backend in [Backend::Device(device.gpu().clone()), Backend::Reference] {
         let refusal = |model: &Model, outputs: PictureOutputs, settings: &Settings| {
             Engine::new(&backend, model, (64, 64), outputs)
                 .unwrap()

@@ -28,7 +28,7 @@ struct Backends(
 fn backends() -> Backends {
     let device = Device::open();
     let on_device = device.as_ref().map(|d| Backend::Device(d.gpu().clone()));
-    let both = [Some(Backend::Mirror), on_device];
+    let both = [Some(Backend::Reference), on_device];
     Backends(both.into_iter().flatten().collect(), device)
 }
 
@@ -203,9 +203,10 @@ fn device_and_mirror_count_the_same() {
             };
             let (_, ours) = draw(&device, &model, view, &settings);
             let size = (view.width, view.height);
-            let mut mirror = Engine::new(&Backend::Mirror, &model, size, PictureOutputs::default())
-                .unwrap()
-                .with_subpixel_bits(subpixel_bits);
+            let mut mirror =
+                Engine::new(&Backend::Reference, &model, size, PictureOutputs::default())
+                    .unwrap()
+                    .with_subpixel_bits(subpixel_bits);
             mirror.draw(view, &settings).unwrap();
             let theirs = mirror.overdraw().unwrap();
             let covered = theirs.iter().filter(|&&c| c > 0).count();

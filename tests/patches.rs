@@ -104,7 +104,8 @@ fn looks(rules: PatchRules) -> [Settings; 5] {
 
 fn assert_as_reference(backend: &Backend, path: Path) {
     for (name, model) in models() {
-        let (mut own, mut reference) = (engine(backend, &model), engine(&Backend::Mirror, &model));
+        let (mut own, mut reference) =
+            (engine(backend, &model), engine(&Backend::Reference, &model));
         for view in views(&model) {
             for look in looks(rules(0.25, 0.5, 32.0)) {
                 let times = own.draw(&view, &Settings { path, ..look }).unwrap();
@@ -153,14 +154,14 @@ fn compute_draws_what_the_reference_draws() {
 #[test]
 fn closed_models_have_no_holes() {
     let device = Device::open();
-    let mut backends = vec![Backend::Mirror, Backend::Cpu];
+    let mut backends = vec![Backend::Reference, Backend::Cpu];
     backends.extend(device.iter().map(|d| Backend::Vulkan(d.gpu().clone())));
     let triangles = Settings {
         method: Method::Triangles,
         ..Settings::default()
     };
     for (name, model) in models().into_iter().take(3) {
-        let mut exact = engine(&Backend::Mirror, &model);
+        let mut exact = engine(&Backend::Reference, &model);
         let mut engines: Vec<_> = backends.iter().map(|b| engine(b, &model)).collect();
         for round in 0..12 {
             let turn = f64::from(round);
@@ -186,7 +187,7 @@ fn closed_models_have_no_holes() {
 #[test]
 fn without_tolerances_no_bit_changes() {
     let device = Device::open();
-    let mut backends = vec![Backend::Mirror, Backend::Cpu];
+    let mut backends = vec![Backend::Reference, Backend::Cpu];
     backends.extend(device.iter().map(|d| Backend::Vulkan(d.gpu().clone())));
     for (name, model) in models() {
         for backend in &backends {
@@ -254,7 +255,7 @@ fn what_is_not_drawn_is_refused_by_name() {
             "--color-by",
         ),
     ] {
-        for backend in [Backend::Mirror, Backend::Cpu] {
+        for backend in [Backend::Reference, Backend::Cpu] {
             let mut engine =
                 Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
             let error = engine.render(&view, &look).unwrap_err().to_string();

@@ -260,7 +260,7 @@ fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
         };
         let picture = draw(&device, model, &view, &compute).unwrap();
         let mirror = Engine::new(
-            &Backend::Mirror,
+            &Backend::Reference,
             model,
             size,
             PictureOutputs {

@@ -333,7 +333,7 @@ fn every_backend_draws_photographs_and_none_draws_them_unasked() {
     let vulkan = device
         .as_ref()
         .map(|device| Backend::Vulkan(device.gpu().clone()));
-    for backend in [Some(Backend::Cpu), Some(Backend::Mirror), vulkan]
+    for backend in [Some(Backend::Cpu), Some(Backend::Reference), vulkan]
         .into_iter()
         .flatten()
     {

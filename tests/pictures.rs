@@ -18,7 +18,7 @@ const SIZE: (u32, u32) = (160, 140);
 /// A picture of the reference renderer, with depths and normals.
 fn reference(model: &Model, view: &View, settings: &Settings) -> Image {
     let outputs = pictures::with_depth(true);
-    pictures::draw(&Backend::Mirror, model, view, settings, outputs).unwrap()
+    pictures::draw(&Backend::Reference, model, view, settings, outputs).unwrap()
 }
 
 /// Opaque discs among triangles.
@@ -46,7 +46,7 @@ fn every_oracle_sees_another_constant_of_the_reference() {
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let drawn = |albedo| {
         let outputs = pictures::with_depth(true);
-        let engine = Engine::new(&Backend::Mirror, &model, SIZE, outputs).unwrap();
+        let engine = Engine::new(&Backend::Reference, &model, SIZE, outputs).unwrap();
         let mut engine = engine.with_wrong_albedo(albedo);
         engine.render(&view, &usual()).unwrap()
     };

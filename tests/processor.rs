@@ -140,7 +140,7 @@ fn samples_are_floats_and_leave_the_picture_alone() {
     for (name, model) in models() {
         let mut engine = by_cpu(&model, PictureOutputs::default());
         let mut reference =
-            Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
+            Engine::new(&Backend::Reference, &model, SIZE, PictureOutputs::default()).unwrap();
         let [(_, view), (_, other), _] = views(&model);
         for way in WAYS {
             let Some(settings) = settings_of(way, &model) else {
@@ -223,7 +223,7 @@ fn lamps_and_data_are_those_of_the_reference() {
     for (name, model) in models() {
         let mut engine = by_cpu(&model, PictureOutputs::default());
         let mut reference =
-            Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
+            Engine::new(&Backend::Reference, &model, SIZE, PictureOutputs::default()).unwrap();
         for (view_name, view) in views(&model) {
             for settings in WAYS
                 .iter()
@@ -258,7 +258,7 @@ fn normals_are_those_of_the_reference() {
     let outputs = pictures::with_depth(true);
     for (name, model) in models() {
         let mut engine = by_cpu(&model, outputs);
-        let mut reference = Engine::new(&Backend::Mirror, &model, SIZE, outputs).unwrap();
+        let mut reference = Engine::new(&Backend::Reference, &model, SIZE, outputs).unwrap();
         for (view_name, view) in views(&model) {
             for way in WAYS {
                 let Some(settings) = settings_of(way, &model) else {

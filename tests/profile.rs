@@ -404,7 +404,7 @@ fn the_mirror_has_stages_and_counts() {
     let model = common::generated(GeneratedShape::Sphere, 20_000);
     let views = views(&model, 2);
     let settings = settings(Method::Pop, SplatKind::Square);
-    let profile = profile(&Backend::Mirror, &model, &views, &settings);
+    let profile = profile(&Backend::Reference, &model, &views, &settings);
     let report = ProfileReport::of(&profile);
     assert!(report.passes.is_empty() && report.frame.device_ms.is_none());
     assert!(report.counts.overdraw.is_none() && report.counts.splats.median > 0.0);
@@ -416,14 +416,14 @@ fn the_mirror_has_stages_and_counts() {
     assert_eq!(names, ["frame 0", "cut", "pack", "frame 1", "cut", "pack"]);
     // No view, no figures.
     let mut engine =
-        Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
+        Engine::new(&Backend::Reference, &model, SIZE, PictureOutputs::default()).unwrap();
     let plan = ProfilePlan {
         views: &[],
         settings: &settings,
         warm_up: 1,
     };
     let empty = FrameProfile::run(
-        &Backend::Mirror,
+        &Backend::Reference,
         &mut engine,
         &plan,
         ProfileProof::default(),
@@ -458,7 +458,7 @@ fn cancelling_ends_at_the_next_frame() {
     let views = views(&model, 4);
     let settings = settings(Method::Pop, SplatKind::Square);
     let mut engine =
-        Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
+        Engine::new(&Backend::Reference, &model, SIZE, PictureOutputs::default()).unwrap();
     let plan = ProfilePlan {
         views: &views,
         settings: &settings,
@@ -468,7 +468,7 @@ fn cancelling_ends_at_the_next_frame() {
     for (after, frames) in [(0, 0), (2, 2), (5, 1)] {
         let progress = Impatient(0.into(), after);
         match FrameProfile::run(
-            &Backend::Mirror,
+            &Backend::Reference,
             &mut engine,
             &plan,
             ProfileProof::default(),

@@ -302,7 +302,7 @@ fn a_shade_between_two_levels_stays_between_them() {
     let view = camera.view(model.origin).unwrap();
     for (backend, is_device) in [
         (Backend::Device(device.gpu().clone()), true),
-        (Backend::Mirror, false),
+        (Backend::Reference, false),
         (Backend::Cpu, false),
     ] {
         let mut engine =
@@ -368,7 +368,7 @@ fn inside_of_a_surface_the_reference_is_exact_to_a_fraction_of_a_level() {
     let sphere = generated(GeneratedShape::Sphere, 200_000);
     let view = orbit(&sphere, (200, 200), 0.0, 20.0, 1.0);
     let caster = Caster::new(&sphere);
-    for backend in [Backend::Device(device.gpu().clone()), Backend::Mirror] {
+    for backend in [Backend::Device(device.gpu().clone()), Backend::Reference] {
         let mut bench = ChartBench::new(&backend, &sphere, (200, 200)).unwrap();
         let reference = bench.reference(&view, 8, &SilentProgress).unwrap();
         let (rms, worst) = off_inside(&reference.picture, &caster, &view);

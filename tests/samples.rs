@@ -196,7 +196,7 @@ fn thresholds_of_little_more_than_a_pixel_are_a_pixel() {
     };
     let device = Device::open();
     let device = device.iter().map(|d| Backend::Device(d.gpu().clone()));
-    for backend in device.chain([Backend::Mirror]) {
+    for backend in device.chain([Backend::Reference]) {
         let size = (view.width, view.height);
         let mut engine = Engine::new(&backend, &model, size, PictureOutputs::default()).unwrap();
         for splat in [SplatKind::Square, SplatKind::Disc] {

@@ -95,7 +95,7 @@ fn assert_as_reference(own: &Backend, path: Path) {
                         ..settings(rules)
                     },
                 ] {
-                    let reference = draw(&Backend::Mirror, &model, &view, &look);
+                    let reference = draw(&Backend::Reference, &model, &view, &look);
                     let own = draw(own, &model, &view, &Settings { path, ..look });
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
                     let count = differing(&reference, &own);
@@ -145,7 +145,7 @@ fn a_device_draws_what_reaches_behind_the_eye() {
             culling: Culling::Off,
             ..settings(cut(5.0))
         };
-        let reference = draw(&Backend::Mirror, &model, &view, &inside);
+        let reference = draw(&Backend::Reference, &model, &view, &inside);
         let covered = reference.color.iter().filter(|c| c[3] > 0).count();
         assert_eq!(covered, 240 * 200);
         for &path in device.paths() {
@@ -174,8 +174,8 @@ fn a_cube_of_eight_vertices_looks_as_its_triangles_do() {
             method: Method::Triangles,
             ..Settings::default()
         };
-        let exact = draw(&Backend::Mirror, &model, &view, &triangles);
-        let splats = draw(&Backend::Mirror, &model, &view, &settings(cut(5.0)));
+        let exact = draw(&Backend::Reference, &model, &view, &triangles);
+        let splats = draw(&Backend::Reference, &model, &view, &settings(cut(5.0)));
         // Rules for pixels on an edge are not the same.
         let count = differing(&exact, &splats);
         assert!(count < 60, "{azimuth}: {count}");
@@ -183,13 +183,13 @@ fn a_cube_of_eight_vertices_looks_as_its_triangles_do() {
             is_uncut: true,
             ..cut(5.0)
         };
-        let uncut = draw(&Backend::Mirror, &model, &view, &settings(uncut));
+        let uncut = draw(&Backend::Reference, &model, &view, &settings(uncut));
         assert!(
             differing(&exact, &uncut) > 2000,
             "cuts are what makes it so"
         );
         let whole = draw(
-            &Backend::Mirror,
+            &Backend::Reference,
             &model,
             &view,
             &settings(SplatRules::default()),
@@ -269,7 +269,7 @@ fn assert_blended_as_reference(own: &Backend, path: Path) {
                         },
                         ..look
                     };
-                    let reference = draw(&Backend::Mirror, &model, view, &look);
+                    let reference = draw(&Backend::Reference, &model, view, &look);
                     let own = draw(own, &model, view, &Settings { path, ..look });
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
                     let count = differing(&reference, &own) + turned(&reference, &own);
@@ -335,7 +335,7 @@ fn blended_splats_have_the_depth_of_the_surface() {
         splat: SplatKind::Gauss,
         ..opaque
     };
-    for backend in [Backend::Mirror, Backend::Cpu] {
+    for backend in [Backend::Reference, Backend::Cpu] {
         let [a, b] = [&opaque, &blended].map(|look| draw(&backend, &model, &view, look).depth);
         let seen = a
             .iter()
@@ -354,13 +354,13 @@ fn blended_splats_of_a_cube_look_as_opaque_ones_do() {
     let model = flat_cube();
     assert_splats_alone(&model, cut(5.0), 24);
     let view = view(&model, 0.3);
-    let opaque = draw(&Backend::Mirror, &model, &view, &settings(cut(5.0)));
+    let opaque = draw(&Backend::Reference, &model, &view, &settings(cut(5.0)));
     for splat in [SplatKind::Gauss, SplatKind::Visibility] {
         let look = Settings {
             splat,
             ..settings(cut(5.0))
         };
-        let drawn = draw(&Backend::Mirror, &model, &view, &look);
+        let drawn = draw(&Backend::Reference, &model, &view, &look);
         let levels = |i: &usize| {
             let (p, q) = (opaque.color[*i], drawn.color[*i]);
             p[3] != q[3] || (0..3).any(|k| p[k].abs_diff(q[k]) > 2)
@@ -380,7 +380,7 @@ fn even_splats_of_a_cube_look_as_its_triangles_do() {
         method: Method::Triangles,
         ..Settings::default()
     };
-    let exact = draw(&Backend::Mirror, &model, &view, &triangles);
+    let exact = draw(&Backend::Reference, &model, &view, &triangles);
     for pattern in [
         SamplePattern::Lattice,
         SamplePattern::Poisson,
@@ -392,7 +392,7 @@ fn even_splats_of_a_cube_look_as_its_triangles_do() {
                 ..cut(5.0)
             })
         };
-        for backend in [Backend::Mirror, Backend::Cpu] {
+        for backend in [Backend::Reference, Backend::Cpu] {
             let splats = draw(&backend, &model, &view, &even(Some(0.11)));
             let count = differing(&exact, &splats);
             assert!(count < 120, "{pattern:?}: {count}");
@@ -501,7 +501,7 @@ fn what_is_not_drawn_is_refused_by_name() {
             "tree",
         ),
     ] {
-        for backend in [Backend::Mirror, Backend::Cpu] {
+        for backend in [Backend::Reference, Backend::Cpu] {
             let mut engine = Engine::new(&backend, &model, (240, 200), outputs).unwrap();
             let error = engine.render(&view, &look).unwrap_err().to_string();
             assert!(error.contains(word), "{error}");

@@ -80,7 +80,7 @@ fn agree(device: &Device, model: &Model, view: &View, settings: &Settings, name:
             draw(&mut engine, view, settings),
         )
     };
-    let ((class, mut picture), (mirror_class, mirror)) = (one(&backend), one(&Backend::Mirror));
+    let ((class, mut picture), (mirror_class, mirror)) = (one(&backend), one(&Backend::Reference));
     pictures::REFERENCE_CLASSES.assert_same(&mirror_class, &class, name);
     let (width, height) = (mirror.width as usize, mirror.height as usize);
     let class_differs: Vec<usize> = (0..class.color.len())
@@ -250,7 +250,7 @@ fn one_center_fills_a_picture_of_holes() {
 }
 
 fn backends(device: Option<&Device>) -> Vec<Backend> {
-    let mut backends = vec![Backend::Mirror];
+    let mut backends = vec![Backend::Reference];
     backends.extend(device.map(|d| Backend::Device(d.gpu().clone())));
     backends
 }
@@ -566,7 +566,7 @@ fn ways_to_blend_and_shade_are_refused_by_name() {
             ..settings(Method::Splats, 1.0, Reconstruction::Gaussian)
         },
     ] {
-        let error = engine(&Backend::Mirror, &model, &view).render(&view, &settings);
+        let error = engine(&Backend::Reference, &model, &view).render(&view, &settings);
         let text = error.unwrap_err().to_string();
         assert!(text.contains("visibility splats"), "{text}");
     }

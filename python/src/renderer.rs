@@ -38,7 +38,7 @@ fn open_backend(name: &str, options: &DeviceOptions) -> PyResult<Backend> {
     match name {
         "cpu" | "reference" if is_named => Err(wrong("backend cpu and reference have no device")),
         "cpu" => Ok(Backend::Cpu),
-        "reference" => Ok(Backend::Mirror),
+        "reference" => Ok(Backend::Reference),
         "vulkan" => Ok(Backend::Vulkan(Gpu::open(options).map_err(raise)?)),
         "auto" => match Backend::open(options) {
             Err(GpuError::NoLoader(_) | GpuError::NoDevice(_))

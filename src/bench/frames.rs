@@ -285,7 +285,7 @@ mod tests {
         let model = tree::build(generate::mesh(&spec), &options, &SilentProgress).unwrap();
         let size = (20, 20);
         let mut engine =
-            Engine::new(&Backend::Mirror, &model, size, PictureOutputs::default()).unwrap();
+            Engine::new(&Backend::Reference, &model, size, PictureOutputs::default()).unwrap();
         let line = |is_rare| BenchLine {
             name: String::new(),
             settings: Settings::default(),

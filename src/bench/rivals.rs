@@ -160,7 +160,7 @@ mod tests {
         let settings = crate::bench::cases::triangles().settings;
         let draw = |model: &Model, settings: &Settings| {
             let mut engine =
-                Engine::new(&Backend::Mirror, model, size, PictureOutputs::default()).unwrap();
+                Engine::new(&Backend::Reference, model, size, PictureOutputs::default()).unwrap();
             engine.render(&view, settings).unwrap()
         };
         let picture = draw(&model, &settings);
@@ -175,7 +175,7 @@ mod tests {
         // Shifted by a part of a pixel, as samples of a reference are.
         let shifted = crate::image::jittered(&view, 1, 4);
         let mut engine =
-            Engine::new(&Backend::Mirror, &model, size, PictureOutputs::default()).unwrap();
+            Engine::new(&Backend::Reference, &model, size, PictureOutputs::default()).unwrap();
         let moved = engine.render(&shifted, &settings).unwrap();
         let rays = rivals.caster.as_ref().unwrap().draw(&shifted);
         let [own, other] = [&moved, &picture].map(|p| compare(p, &rays, 8.0).unwrap());

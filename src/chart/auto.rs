@@ -389,7 +389,7 @@ mod tests {
             }
         };
         ChartCalibration {
-            key: CalibrationKey::of(&Backend::Mirror, &model(), (500, 500)),
+            key: CalibrationKey::of(&Backend::Reference, &model(), (500, 500)),
             model: "m".into(),
             entries: vec![
                 entry(0, 1.0, 100.0, 0.001, [0.001, 0.001]),
@@ -466,7 +466,7 @@ mod tests {
         std::fs::write(&path, [0xff, 0x00, 0xfe]).unwrap();
         assert_eq!(ChartCalibration::read(&below, &c.key), None);
         // Another class of models has another file.
-        let other = CalibrationKey::of(&Backend::Mirror, &model(), (500, 400));
+        let other = CalibrationKey::of(&Backend::Reference, &model(), (500, 400));
         assert_ne!(other.path(&below), path);
     }
 
@@ -479,7 +479,7 @@ mod tests {
             assert!((found - fill).abs() < 1e-4, "{found} {fill}");
         }
         let c = ChartCalibration::measure(
-            &Backend::Mirror,
+            &Backend::Reference,
             &model,
             "m",
             ((40, 40), None),

@@ -351,7 +351,7 @@ mod tests {
             },
         });
         let mut engine = Engine::new(
-            &Backend::Mirror,
+            &Backend::Reference,
             &model,
             (40, 40),
             PictureOutputs::default(),
@@ -406,7 +406,7 @@ mod tests {
             },
         });
         let mut engine = Engine::new(
-            &Backend::Mirror,
+            &Backend::Reference,
             &model,
             (40, 40),
             PictureOutputs::default(),

@@ -2,9 +2,12 @@
 //! the CPU where there is none.
 
 mod cpu_pictures;
+mod device_pictures;
 mod looked;
 mod patches;
 mod photos;
+mod picture_backend;
+mod reference_pictures;
 mod samples;
 mod smooth;
 
@@ -20,13 +23,14 @@ use crate::render::backend_choice::{AvailableBackends, FrameBackend, is_usual};
 use crate::render::cost::model::DrawCosts;
 use crate::render::cpu::supported::unsupported_reason;
 use crate::render::engine::cpu_pictures::CpuPictures;
-use crate::render::frame_plan::resolve_of_parts;
+use crate::render::engine::device_pictures::DevicePictures;
+use crate::render::engine::picture_backend::{PictureBackend, PictureRequest, VALUES};
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
-use crate::render::reference::engine::MirrorEngine;
-pub use crate::render::reference::engine::style;
+use crate::render::reference::renderer::ReferenceRenderer;
+pub use crate::render::reference::renderer::style;
 use crate::render::stats::FrameTimes;
-use crate::render::supported::{check, check_patches_of};
+use crate::render::supported::check;
 use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::Model;
@@ -35,13 +39,6 @@ pub use smooth::smooth_threshold;
 #[cfg(feature = "viewer")]
 pub(crate) use smooth::{LEAST_SAMPLES, SMOOTH_DIFFERENCE};
 use std::sync::Arc;
-
-/// Outputs of samples: values, so that only their mean is rounded.
-const VALUES: PictureOutputs = PictureOutputs {
-    depth: false,
-    normal: false,
-    values: true,
-};
 
 /// Place where pictures are made.
 #[derive(Debug, Clone)]
@@ -55,7 +52,7 @@ pub enum Backend {
     /// Without a driver: the processor's fast renderer, and the reference for what that cannot draw.
     WithoutDevice,
     /// The reference, on the processor. Exact and slow; needs no driver.
-    Mirror,
+    Reference,
 }
 
 impl Backend {
@@ -72,7 +69,7 @@ impl Backend {
     /// As [`Gpu::open`].
     pub fn open(options: &DeviceOptions) -> Result<Self, Error> {
         match options.device.as_deref() {
-            Some(Self::REFERENCE | Self::MIRROR) => Ok(Self::Mirror),
+            Some(Self::REFERENCE | Self::MIRROR) => Ok(Self::Reference),
             Some(Self::CPU) => Ok(Self::Cpu),
             _ => Ok(Self::Device(Gpu::open(options)?)),
         }
@@ -88,7 +85,7 @@ impl Backend {
         match self {
             Self::Device(gpu) | Self::Vulkan(gpu) => &gpu.info().name,
             Self::Cpu | Self::WithoutDevice => Self::CPU,
-            Self::Mirror => Self::REFERENCE,
+            Self::Reference => Self::REFERENCE,
         }
     }
 
@@ -98,7 +95,7 @@ impl Backend {
         match self {
             Self::Device(gpu) => can && gpu.info().is_cpu() && is_usual(settings),
             Self::Cpu | Self::WithoutDevice => can,
-            Self::Vulkan(_) | Self::Mirror => false,
+            Self::Vulkan(_) | Self::Reference => false,
         }
     }
 
@@ -106,7 +103,7 @@ impl Backend {
     pub fn device(&self) -> Option<&Arc<Gpu>> {
         match self {
             Self::Device(gpu) | Self::Vulkan(gpu) => Some(gpu),
-            Self::Cpu | Self::WithoutDevice | Self::Mirror => None,
+            Self::Cpu | Self::WithoutDevice | Self::Reference => None,
         }
     }
 }
@@ -116,13 +113,13 @@ impl Backend {
 pub struct Engine<'m> {
     models: Vec<EngineModel<'m>>,
     outputs: PictureOutputs,
-    device: Option<DeviceEngine>,
-    cpu: Option<CpuEngine>,
-    reference: Option<Box<MirrorEngine>>,
+    device: Option<DevicePictures>,
+    cpu: Option<CpuPictures>,
+    reference: Option<Box<ReferenceRenderer>>,
     /// Of pages that could not be read.
     page_messages: Vec<String>,
-    /// Backend that drew the last frame.
-    last: FrameBackend,
+    /// Backend that drew the last frame, once one did.
+    last: Option<FrameBackend>,
     /// Photographs that frames show.
     photos: Option<Arc<FramePhotos>>,
 }
@@ -135,23 +132,6 @@ struct EngineModel<'m> {
     is_shown: bool,
     /// Pages that the model stands in for.
     pages: Option<PagedModel>,
-}
-
-/// The part of an engine that draws on a device.
-#[derive(Debug)]
-struct DeviceEngine {
-    renderer: Box<VulkanRenderer>,
-    /// Draws what is averaged, once anything was.
-    samples: Option<Box<VulkanRenderer>>,
-    scene: DeviceScene,
-}
-
-/// The part of an engine that draws on the processor.
-#[derive(Debug)]
-struct CpuEngine {
-    pictures: CpuPictures,
-    /// Draws what is averaged, once anything was.
-    samples: Option<CpuPictures>,
 }
 
 impl<'m> Engine<'m> {
@@ -193,10 +173,7 @@ impl<'m> Engine<'m> {
         (width, height): (u32, u32),
         outputs: PictureOutputs,
     ) -> Result<Self, Error> {
-        let cpu = || CpuEngine {
-            pictures: CpuPictures::new([width, height], outputs),
-            samples: None,
-        };
+        let cpu = || CpuPictures::new([width, height], outputs);
         let mut engine = Self {
             models: Vec::new(),
             outputs,
@@ -204,13 +181,13 @@ impl<'m> Engine<'m> {
             cpu: None,
             reference: None,
             page_messages: Vec::new(),
-            last: FrameBackend::Reference,
+            last: None,
             photos: None,
         };
         match backend {
             Backend::Device(gpu) | Backend::Vulkan(gpu) => {
                 let renderer = VulkanRenderer::new(gpu, width, height, outputs, true)?;
-                engine.device = Some(DeviceEngine {
+                engine.device = Some(DevicePictures {
                     renderer: Box::new(renderer),
                     samples: None,
                     scene: match scene.take() {
@@ -224,10 +201,10 @@ impl<'m> Engine<'m> {
             Backend::Cpu | Backend::WithoutDevice => {
                 engine.cpu = Some(cpu());
             }
-            Backend::Mirror => {}
+            Backend::Reference => {}
         }
-        if matches!(backend, Backend::Mirror | Backend::WithoutDevice) {
-            engine.reference = Some(Box::new(MirrorEngine::new(outputs)));
+        if matches!(backend, Backend::Reference | Backend::WithoutDevice) {
+            engine.reference = Some(Box::new(ReferenceRenderer::new(outputs)));
         }
         let scene = engine.device.as_ref().map(|device| &device.scene);
         let facts_of = |index: usize, model: &Model| match scene {
@@ -359,44 +336,61 @@ impl<'m> Engine<'m> {
         if self.device.is_none() {
             check(settings, self.outputs, f32::INFINITY)?;
         }
-        self.last = self
+        let backend = self
             .available()
             .choose(settings, self.outputs, [view.width, view.height])?;
+        self.last = Some(backend);
         let settings = &self.prepare_pages(view, settings)?;
-        let (parts, generation) = drawn(&self.models);
-        let parts = DrawnParts::new(&parts).with_generation(generation);
+        self.with_frame(backend, view, settings, |pictures, frame| {
+            pictures.draw(frame)
+        })
+    }
+
+    /// The backend of a kind. The choice is among those that are there ([`Engine::available`]).
+    fn backend(&mut self, backend: FrameBackend) -> &mut dyn PictureBackend {
         match (
-            self.last,
-            &mut self.cpu,
+            backend,
             &mut self.device,
+            &mut self.cpu,
             &mut self.reference,
         ) {
-            (FrameBackend::Cpu, Some(cpu), ..) => {
-                (cpu.pictures).draw(parts, view, settings, self.photos.as_deref())
-            }
-            (FrameBackend::Device, _, Some(device), _) => {
-                let DeviceEngine {
-                    renderer, scene, ..
-                } = device;
-                renderer.draw_parts(parts, scene, view, settings)
-            }
-            (FrameBackend::Reference, .., Some(reference)) => {
-                check_patches_of(settings, parts)?;
-                let settings = resolve_of_parts(settings, parts, view);
-                let photos = self.photos.as_deref();
-                looked::draw_reference(reference, parts, (view, &settings), photos)
-            }
+            (FrameBackend::Device, Some(device), ..) => device,
+            (FrameBackend::Cpu, _, Some(cpu), _) => cpu,
+            (FrameBackend::Reference, .., Some(reference)) => &mut **reference,
             _ => unreachable!("a backend that is there was chosen"),
         }
+    }
+
+    /// Hands a backend all that is shown.
+    fn with_frame<T>(
+        &mut self,
+        backend: FrameBackend,
+        view: &View,
+        settings: &Settings,
+        work: impl FnOnce(&mut dyn PictureBackend, PictureRequest<'_>) -> T,
+    ) -> T {
+        let models = std::mem::take(&mut self.models);
+        let photos = self.photos.clone();
+        let (parts, generation) = drawn(&models);
+        let frame = PictureRequest {
+            parts: DrawnParts::new(&parts).with_generation(generation),
+            view,
+            settings,
+            photos: photos.as_deref(),
+        };
+        let done = work(self.backend(backend), frame);
+        drop(parts);
+        self.models = models;
+        done
     }
 
     /// Keeps draw lists as [`VulkanRenderer::keep_lists`] does; off at first. The reference never does.
     pub fn keep_lists(&mut self, keep: bool) {
         if let Some(device) = &mut self.device {
-            device.renderer.keep_lists(keep);
+            device.keep_lists(keep);
         }
         if let Some(cpu) = &mut self.cpu {
-            cpu.pictures.renderer.keep_frames(keep);
+            cpu.keep_lists(keep);
         }
     }
 
@@ -423,23 +417,16 @@ impl<'m> Engine<'m> {
     /// # Errors
     /// As [`VulkanRenderer::read`].
     pub fn read(&mut self, view: &View) -> Result<Image, Error> {
-        match (self.last, &mut self.cpu, &mut self.device, &self.reference) {
-            (FrameBackend::Cpu, Some(cpu), ..) => Ok(cpu.pictures.read(view)),
-            (FrameBackend::Device, _, Some(device), _) => device.renderer.read(view),
-            (.., Some(reference)) => Ok(reference.image.clone()),
-            // Nothing was drawn yet.
-            (_, _, Some(device), None) => device.renderer.read(view),
-            _ => Ok(Image::default()),
+        match self.last {
+            Some(last) => self.backend(last).read(view),
+            None => Ok(Image::default()),
         }
     }
 
     /// Gives the counts of pixels as [`VulkanRenderer::overdraw`] does.
     pub fn overdraw(&mut self) -> Option<Vec<u32>> {
-        match (self.last, &mut self.device, &self.reference) {
-            (FrameBackend::Device, Some(device), _) => device.renderer.overdraw(),
-            (FrameBackend::Reference, _, Some(reference)) => reference.counts.clone(),
-            _ => None,
-        }
+        let last = self.last?;
+        self.backend(last).overdraw()
     }
 
     /// Draws and reads one picture.
@@ -462,7 +449,7 @@ impl<'m> Engine<'m> {
             return self.render(view, settings);
         }
         let size = match &self.cpu {
-            Some(cpu) => cpu.pictures.renderer.size(),
+            Some(cpu) => cpu.size(),
             None => [view.width, view.height],
         };
         self.sample_at(view, settings, size)
@@ -483,35 +470,12 @@ impl<'m> Engine<'m> {
             .available()
             .choose(settings, values, [view.width, view.height])?;
         let settings = &self.prepare_pages(view, settings)?;
-        let (parts, generation) = drawn(&self.models);
-        let parts = DrawnParts::new(&parts).with_generation(generation);
-        match (
-            backend,
-            &mut self.cpu,
-            &mut self.device,
-            &mut self.reference,
-        ) {
-            (FrameBackend::Cpu, Some(cpu), ..) => {
-                let old = cpu.samples.take();
-                let old = old.filter(|own| own.renderer.size() == size);
-                let samples = cpu
-                    .samples
-                    .insert(old.unwrap_or_else(|| CpuPictures::new(size, values)));
-                samples.draw(parts, view, settings, self.photos.as_deref())?;
-                Ok(samples.read(view))
-            }
-            (FrameBackend::Device, _, Some(device), _) => device.sample(parts, view, settings),
-            (FrameBackend::Reference, .., Some(reference)) => {
-                let outputs = std::mem::replace(&mut reference.outputs, values);
-                let settings = resolve_of_parts(settings, parts, view);
-                let photos = self.photos.as_deref();
-                looked::draw_reference(reference, parts, (view, &settings), photos)?;
-                reference.outputs = outputs;
-                self.last = FrameBackend::Reference;
-                Ok(reference.image.clone())
-            }
-            _ => unreachable!("a backend that is there was chosen"),
+        if backend == FrameBackend::Reference {
+            self.last = Some(backend);
         }
+        self.with_frame(backend, view, settings, |pictures, frame| {
+            pictures.sample(frame, size)
+        })
     }
 
     /// The box-filtered mean of `k` x `k` pictures, each shifted by a part of a pixel: `k * k` regular samples a
@@ -538,32 +502,6 @@ impl<'m> Engine<'m> {
             _ => self.samples(view, settings, k, |_, image| add(image))?,
         }
         Ok(mean.mean())
-    }
-}
-
-impl DeviceEngine {
-    /// Draws a sample as [`Engine::sample`] does.
-    fn sample(
-        &mut self,
-        parts: DrawnParts<'_>,
-        view: &View,
-        settings: &Settings,
-    ) -> Result<Image, Error> {
-        let Self {
-            renderer,
-            samples,
-            scene,
-        } = self;
-        let samples = match samples {
-            Some(made) => made,
-            none => none.insert(Box::new(renderer.of_values()?)),
-        };
-        if samples.costs() != renderer.costs() {
-            samples.set_costs(renderer.costs());
-        }
-        samples.set_photos(renderer.photos().cloned());
-        samples.draw_parts(parts, scene, view, settings)?;
-        samples.read(view)
     }
 }
 

@@ -31,7 +31,7 @@ pub(crate) fn draw(
 ) -> Result<Image, Error> {
     let engine = Engine::new(backend, model, (view.width, view.height), outputs)?;
     let mut engine = match backend {
-        Backend::Mirror => engine.with_subpixel_bits(super::subpixel_bits()),
+        Backend::Reference => engine.with_subpixel_bits(super::subpixel_bits()),
         _ => engine,
     };
     engine.render(view, settings)

@@ -184,7 +184,7 @@ fn an_engine_snaps_to_the_grid_it_is_told() {
         };
         let draw = |bits: Option<u32>| {
             let engine = Engine::new(
-                &Backend::Mirror,
+                &Backend::Reference,
                 &model,
                 (128, 128),
                 PictureOutputs::default(),

@@ -57,7 +57,7 @@ fn ellipses_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
         let backend = Backend::Device(device.gpu().clone());
         let mut engine = Engine::new(&backend, model, size, outputs).unwrap();
         let (picture, passes, _) = passes(&mut engine, &view, &insisting);
-        let mirror = Engine::new(&Backend::Mirror, model, size, outputs)
+        let mirror = Engine::new(&Backend::Reference, model, size, outputs)
             .unwrap()
             .with_subpixel_bits(device.gpu().info().subpixel_bits)
             .render(&view, &settings)

@@ -24,7 +24,7 @@ pub(crate) fn same(
 ) -> Image {
     let backend = Backend::Device(device.gpu().clone());
     let picture = draw(&backend, model, view, settings);
-    let mirror = draw(&Backend::Mirror, model, view, settings);
+    let mirror = draw(&Backend::Reference, model, view, settings);
     oracle.assert_same(&mirror, &picture, name);
     picture
 }

@@ -3,21 +3,66 @@
 use crate::gpu::Error;
 use crate::image::Image;
 use crate::math::camera::View;
-use crate::projective::frame_photos::FramePhotos;
+use crate::render::PictureOutputs;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::engine::looked::{given, only};
+use crate::render::engine::picture_backend::{PictureBackend, PictureRequest, VALUES};
 use crate::render::frame_plan::FramePlan;
-use crate::render::model_facts::DrawnParts;
 use crate::render::photo_look::color_picture;
 use crate::render::stats::FrameTimes;
-use crate::render::{PictureOutputs, Settings};
 use std::time::Instant;
+
+/// Pictures that the processor draws.
+#[derive(Debug)]
+pub(super) struct CpuPictures {
+    frames: CpuTarget,
+    /// Draws what is averaged, once anything was.
+    samples: Option<CpuTarget>,
+}
+
+impl CpuPictures {
+    /// Pictures of this size, with these outputs.
+    pub(super) fn new(size: [u32; 2], outputs: PictureOutputs) -> Self {
+        Self {
+            frames: CpuTarget::new(size, outputs),
+            samples: None,
+        }
+    }
+
+    /// Width and height of pictures, pixels.
+    pub(super) fn size(&self) -> [u32; 2] {
+        self.frames.renderer.size()
+    }
+}
+
+impl PictureBackend for CpuPictures {
+    fn draw(&mut self, frame: PictureRequest<'_>) -> Result<FrameTimes, Error> {
+        self.frames.draw(frame)
+    }
+
+    fn read(&mut self, view: &View) -> Result<Image, Error> {
+        Ok(self.frames.read(view))
+    }
+
+    fn sample(&mut self, frame: PictureRequest<'_>, size: [u32; 2]) -> Result<Image, Error> {
+        let old = self.samples.take();
+        let old = old.filter(|own| own.renderer.size() == size);
+        let new = || CpuTarget::new(size, VALUES);
+        let samples = self.samples.insert(old.unwrap_or_else(new));
+        samples.draw(frame)?;
+        Ok(samples.read(frame.view))
+    }
+
+    fn keep_lists(&mut self, keep: bool) {
+        self.frames.renderer.keep_frames(keep);
+    }
+}
 
 /// A renderer of the processor, and the picture that it draws into.
 #[derive(Debug)]
-pub(super) struct CpuPictures {
-    pub(super) renderer: Box<CpuRenderer>,
+struct CpuTarget {
+    renderer: Box<CpuRenderer>,
     outputs: PictureOutputs,
     /// Outputs of the last frame, which looks may ask for more.
     drawn_outputs: PictureOutputs,
@@ -27,9 +72,9 @@ pub(super) struct CpuPictures {
     area: DrawnArea,
 }
 
-impl CpuPictures {
+impl CpuTarget {
     /// Pictures of this size, with these outputs.
-    pub(super) fn new([width, height]: [u32; 2], outputs: PictureOutputs) -> Self {
+    fn new([width, height]: [u32; 2], outputs: PictureOutputs) -> Self {
         let renderer = CpuRenderer::new(width, height).with_outputs(outputs);
         Self {
             renderer: Box::new(renderer),
@@ -45,12 +90,14 @@ impl CpuPictures {
     ///
     /// # Errors
     /// When the view has another size, or what cannot be drawn is asked for.
-    pub(super) fn draw(
+    fn draw(
         &mut self,
-        parts: DrawnParts<'_>,
-        view: &View,
-        settings: &Settings,
-        photos: Option<&FramePhotos>,
+        PictureRequest {
+            parts,
+            view,
+            settings,
+            photos,
+        }: PictureRequest<'_>,
     ) -> Result<FrameTimes, Error> {
         let [width, height] = self.renderer.size();
         for (what, value, limit) in [
@@ -93,7 +140,7 @@ impl CpuPictures {
     }
 
     /// The picture of the last frame.
-    pub(super) fn read(&mut self, view: &View) -> Image {
+    fn read(&mut self, view: &View) -> Image {
         match &self.looked {
             Some(looked) => looked.clone(),
             None => self.read_drawn(view),

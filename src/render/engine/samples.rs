@@ -1,6 +1,7 @@
 //! Samples of pixels that are the pixels of a larger picture, so that one cut serves many of them.
 
-use super::{Engine, VALUES};
+use super::Engine;
+use super::picture_backend::VALUES;
 use crate::gpu::Error;
 use crate::image::{Image, jittered};
 use crate::math::camera::View;

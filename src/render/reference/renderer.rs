@@ -33,7 +33,7 @@ use std::time::Instant;
 
 /// Draws frames on the CPU, and keeps the last.
 #[derive(Debug)]
-pub(in crate::render) struct MirrorEngine {
+pub(in crate::render) struct ReferenceRenderer {
     pub(in crate::render) outputs: PictureOutputs,
     /// As [`PrimitiveStyle::subpixel_bits`].
     subpixel_bits: u32,
@@ -63,7 +63,7 @@ struct PackedLists<'m> {
     has_points: bool,
 }
 
-impl MirrorEngine {
+impl ReferenceRenderer {
     pub(in crate::render) fn new(outputs: PictureOutputs) -> Self {
         let PrimitiveStyle {
             subpixel_bits,
@@ -93,7 +93,7 @@ impl MirrorEngine {
     }
 
     /// Draws a frame of settings that fit what is drawn and the view.
-    pub(in crate::render) fn draw(
+    pub(in crate::render) fn draw_frame(
         &mut self,
         parts: DrawnParts<'_>,
         view: &View,

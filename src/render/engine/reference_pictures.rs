@@ -1,0 +1,53 @@
+//! Pictures of the reference.
+
+use super::looked::{given, only};
+use super::picture_backend::{PictureBackend, PictureRequest, VALUES};
+use crate::gpu::Error;
+use crate::image::Image;
+use crate::math::camera::View;
+use crate::render::frame_plan::resolve_of_parts;
+use crate::render::photo_look::color_picture;
+use crate::render::reference::renderer::ReferenceRenderer;
+use crate::render::stats::FrameTimes;
+use crate::render::supported::check_patches_of;
+
+impl PictureBackend for ReferenceRenderer {
+    fn draw(&mut self, frame: PictureRequest<'_>) -> Result<FrameTimes, Error> {
+        let PictureRequest {
+            parts,
+            view,
+            settings,
+            photos,
+        } = frame;
+        check_patches_of(settings, parts)?;
+        let settings = &resolve_of_parts(settings, parts, view);
+        if !settings.shows_photos() {
+            return Ok(self.draw_frame(parts, view, settings));
+        }
+        let photos = given(photos)?;
+        let outputs = self.outputs;
+        self.outputs = settings.outputs_of_frame(outputs);
+        let times = self.draw_frame(parts, view, settings);
+        self.outputs = outputs;
+        let mut image = std::mem::take(&mut self.image);
+        color_picture(&mut image, view, photos, settings);
+        self.image = only(image, outputs);
+        Ok(times)
+    }
+
+    fn read(&mut self, _: &View) -> Result<Image, Error> {
+        Ok(self.image.clone())
+    }
+
+    fn sample(&mut self, frame: PictureRequest<'_>, _: [u32; 2]) -> Result<Image, Error> {
+        let outputs = std::mem::replace(&mut self.outputs, VALUES);
+        let drawn = self.draw(frame);
+        self.outputs = outputs;
+        drawn?;
+        Ok(self.image.clone())
+    }
+
+    fn overdraw(&mut self) -> Option<Vec<u32>> {
+        self.counts.clone()
+    }
+}
