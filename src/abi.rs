@@ -220,8 +220,10 @@ pub struct FrameConstants {
     pub ambient_occlusion: f32,
     /// How far around a pixel that looks, pixels.
     pub ambient_occlusion_px: f32,
+    /// Rises of the surface by less than this hide nothing, view-space units.
+    pub ambient_occlusion_slack: f32,
     /// Nothing.
-    pub unused: [f32; 2],
+    pub unused: f32,
     /// Lamps of a [`LitSphere`](crate::pack::lit_sphere::LitSphere): unit vectors towards them, each with the value of its
     /// highlight, and the light of the sky with the wrap; zero for other lights.
     pub sphere_lamps: [[f32; 4]; 4],
@@ -418,6 +420,7 @@ same_layout!(
     headlight = HEADLIGHT,
     ambient_occlusion = AMBIENT_OCCLUSION,
     ambient_occlusion_px = AMBIENT_OCCLUSION_PX,
+    ambient_occlusion_slack = AMBIENT_OCCLUSION_SLACK,
     unused = UNUSED,
     sphere_lamps = SPHERE_LAMPS,
     sphere_colors = SPHERE_COLORS,

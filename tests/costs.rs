@@ -110,12 +110,12 @@ fn cases() -> Vec<(Settings, Option<&'static str>)> {
         ..of(Disc, Pop, 3.0)
     };
     vec![
-        (of(Square, Pop, 1.0), Some("small.clear")),
-        (of(Square, Pop, 3.0), Some("small.clear")),
+        (of(Square, Pop, 1.0), Some("compute.clear")),
+        (of(Square, Pop, 3.0), Some("compute.clear")),
         (of(Square, Pop, 9.0), None),
         (of(Square, Splats, 2.0), None),
         (of(Square, Points, 2.0), None),
-        (of(Ellipse, Pop, 4.0), Some("small.clear")),
+        (of(Ellipse, Pop, 4.0), Some("compute.clear")),
         (of(Ellipse, Pop, 10.5), None),
         (of(Ellipse, Splats, 2.0), None),
         (of(Ellipse, Points, 5.0), None),
@@ -153,7 +153,7 @@ fn costs_decide_the_path_and_the_picture_stays() {
                 pictures::ANY_COSTS.assert_same(&plain.image, &drawn.image, &what);
                 // Triangles go the way of squares.
                 let count = match mark {
-                    Some("small.clear") => drawn.splats + drawn.triangles,
+                    Some("compute.clear") => drawn.splats + drawn.triangles,
                     _ => drawn.splats,
                 };
                 let wanted = mark.is_some() && path == Path::Compute && count > 0;

@@ -110,7 +110,10 @@ fn the_device_draws_what_the_host_draws() {
                     "{what}"
                 );
                 let is_small = |times: &FrameTimes| {
-                    times.passes.iter().any(|pass| pass.name == "small.splats")
+                    times
+                        .passes
+                        .iter()
+                        .any(|pass| pass.name == "compute.splats")
                 };
                 assert_eq!(is_small(&of_device), path == Path::Compute, "{what}");
                 let (a, b) = (of_host.counts, of_device.counts);

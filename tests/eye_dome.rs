@@ -68,8 +68,23 @@ fn darkened(plain: &Image, background: [f64; 3], exponent: f64) -> Vec<[f64; 4]>
         .collect()
 }
 
-/// The same of ambient occlusion at strength 1: colors times the square of the openness.
-fn occluded(plain: &Image, background: [f64; 3], view: &View, radius_px: f32) -> Vec<[f64; 4]> {
+/// Height of what ambient occlusion takes for a plane: of a cloud half the median radius of its points.
+fn slack_of(model: &Model) -> f64 {
+    if !model.triangles.is_empty() {
+        return 0.0;
+    }
+    let mut radii: Vec<f32> = model.tree.leaves.iter().map(|leaf| leaf.radius).collect();
+    radii.sort_by(f32::total_cmp);
+    0.5 * f64::from(radii[radii.len() / 2])
+}
+
+/// The same of ambient occlusion at strength 1: colors times the square of the openness. Rises are less by `slack`.
+fn occluded(
+    plain: &Image,
+    background: [f64; 3],
+    view: &View,
+    (radius_px, slack): (f32, f64),
+) -> Vec<[f64; 4]> {
     let (width, height) = (i64::from(plain.width), i64::from(plain.height));
     let lines = [
         (1, 0),
@@ -109,8 +124,8 @@ fn occluded(plain: &Image, background: [f64; 3], view: &View, radius_px: f32) ->
                     let other = distance(x + at * i64::from(dx), y + at * i64::from(dy))?;
                     let away = steps as f64 * step;
                     let rise = match view.is_perspective {
-                        true => focal * (own / other - 1.0) / away,
-                        false => focal * (own - other) / away,
+                        true => focal * (own / other - 1.0 - slack / own) / away,
+                        false => focal * (own - other - slack) / away,
                     };
                     Some(rise * (2.0 - rise * away / f64::from(radius_px)).clamp(0.0, 1.0))
                 });
@@ -216,7 +231,7 @@ fn every_executor_darkens_its_picture_by_its_depths() {
                         ambient_occlusion_reach_px: Some(9.0),
                         ..plain
                     };
-                    let wanted = occluded(&before, background, &view, 9.0);
+                    let wanted = occluded(&before, background, &view, (9.0, slack_of(model)));
                     let found = picture(backend, model, &view, &deep).unwrap();
                     compare(&format!("occluded {what}"), &before, &found, &wanted, 40);
                 }

@@ -98,7 +98,7 @@ fn judge(
 fn is_by(executor: PictureExecutor, passes: &[&str]) -> bool {
     let has = |name| passes.contains(&name);
     let by_compute = [
-        "small.clear",
+        "compute.clear",
         "fuzzy.clear",
         "filtered.clear",
         "visibility.clear",

@@ -189,7 +189,7 @@ fn the_processor_draws_what_the_device_does() {
                     ..Settings::default()
                 };
                 let (mut wanted, others, _) = passes(&mut theirs, &view, &settings);
-                if splat != SplatKind::Filtered && others.contains(&"hybrid.splats") {
+                if splat != SplatKind::Filtered && others.contains(&"opaque.splats") {
                     // What compute leaves as too large are quads, whose corners are rounded, not their centers.
                     let by_raster = Settings {
                         path: Path::Raster,
@@ -203,7 +203,7 @@ fn the_processor_draws_what_the_device_does() {
                 assert!(wanted.color.iter().any(|c| c[3] > 0), "{what}: empty");
                 let are_splats_by_compute = splat != SplatKind::Filtered
                     && triangles == 0
-                    && !others.iter().any(|pass| pass.starts_with("hybrid."));
+                    && !others.iter().any(|pass| pass.starts_with("opaque."));
                 strict += usize::from(are_splats_by_compute);
                 let oracle = match are_splats_by_compute && !common::is_card() {
                     true => pictures::CPU_AS_COMPUTE,
@@ -345,7 +345,7 @@ fn assert_ways(
 fn discs_go_by_compute_where_that_pays() {
     assert_ways(
         discs,
-        &["small.resolve"],
+        &["compute.resolve"],
         &[
             (1.0, 2.0, Path::Auto, true),
             (1.0, 2.0, Path::Raster, false),

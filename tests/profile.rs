@@ -155,7 +155,7 @@ fn passes_stages_and_counters_hang_together() {
         (
             Method::Pop,
             SplatKind::Square,
-            &["hybrid.triangles", "hybrid.splats"][..],
+            &["opaque.triangles", "opaque.splats"][..],
         ),
         (
             Method::Pop,
@@ -199,8 +199,8 @@ fn passes_stages_and_counters_hang_together() {
                     }
                     (Method::Points, _) => assert_eq!(vertices("points.draw"), counts.points),
                     (_, SplatKind::Square) => {
-                        assert_eq!(vertices("hybrid.splats"), counts.splats);
-                        assert_eq!(vertices("hybrid.triangles"), 3 * counts.triangles);
+                        assert_eq!(vertices("opaque.splats"), counts.splats);
+                        assert_eq!(vertices("opaque.triangles"), 3 * counts.triangles);
                     }
                     _ => assert_eq!(
                         vertices("filtered.blend"),
@@ -215,8 +215,8 @@ fn passes_stages_and_counters_hang_together() {
             };
             match (method, splat) {
                 (Method::Pop, SplatKind::Square) => {
-                    assert_eq!(moved("hybrid.triangles"), (0, 8));
-                    assert_eq!(moved("hybrid.splats"), (8, 8));
+                    assert_eq!(moved("opaque.triangles"), (0, 8));
+                    assert_eq!(moved("opaque.splats"), (8, 8));
                 }
                 (Method::Pop, _) => {
                     assert_eq!(moved("filtered.depth"), (0, 4));

@@ -36,7 +36,7 @@ fn draw(
     };
     let mut engine = Engine::new(&backend, model, (view.width, view.height), outputs).unwrap();
     let times = engine.draw(view, settings).unwrap();
-    let has_triangles = times.passes.iter().any(|p| p.name == "small.triangles");
+    let has_triangles = times.passes.iter().any(|p| p.name == "compute.triangles");
     (engine.read(view).unwrap(), times.counts, has_triangles)
 }
 

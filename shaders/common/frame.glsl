@@ -39,10 +39,11 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     // needs no matrix.
     vec4 headlight;
     // Power of the openness of a pixel that ambient occlusion multiplies its color by; 0 without. How far around that looks,
-    // pixels.
+    // pixels. Rises by less than the slack, view-space units, hide nothing.
     float ambient_occlusion;
     float ambient_occlusion_px;
-    vec2 unused;
+    float ambient_occlusion_slack;
+    float unused;
     // Of FLAG_LIT_SPHERE: directions of three lamps with the values of their highlights, and the sky with how far light reaches
     // around; colors of the lamps, and the ground; the rim and its power. The exponent of highlights is `shininess`.
     mat4 sphere_lamps;

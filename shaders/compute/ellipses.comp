@@ -1,7 +1,7 @@
 #version 460
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
-// Pass small.splats, ellipses: every disc in the plane of the surface leaves the depth of its dome and its number in the
+// Pass compute.splats, ellipses: every disc in the plane of the surface leaves the depth of its dome and its number in the
 // pixels that it covers; the nearest stays, of equals the first of the list.
 #include "common/footprint_pixels.glsl"
 #include "common/octahedral.glsl"
@@ -14,7 +14,7 @@ layout(local_size_x = 64) in;
 layout(constant_id = 0) const bool LOOKS_FIRST = false;
 
 layout(set = 0, binding = 3, std430) buffer Nearest {
-    // As small.splats has them of squares and discs.
+    // As compute.splats has them of squares and discs.
     uint64_t nearest[];
 };
 

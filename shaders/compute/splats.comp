@@ -1,7 +1,7 @@
 #version 460
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
-// Pass small.splats: every square or disc leaves its depth and number in the pixels it covers; the nearest stays, of
+// Pass compute.splats: every square or disc leaves its depth and number in the pixels it covers; the nearest stays, of
 // equals the first of the list.
 #include "common/frame.glsl"
 #include "common/round.glsl"

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
-// Pass small.triangles: triangles of a few pixels leave their depth and number in the pixels they cover; the nearest
+// Pass compute.triangles: triangles of a few pixels leave their depth and number in the pixels they cover; the nearest
 // stays, of equals the first of the list. Every corner lies before the eye (the host sees to it).
 #include "common/vertex_record.glsl"
 

@@ -28,6 +28,9 @@ void main() {
     float p22 = frame.clip_from_view[2][2];
     // Depth is affine in what is linear along a plane: a rise is a difference of depths times this, over pixels.
     float factor = frame.focal_px / ((frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? p22 : own + p22);
+    // Pixels at the distance of the surface.
+    float per_unit = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : (own + p22) / frame.clip_from_view[3][2];
+    float slack = frame.ambient_occlusion_slack * frame.focal_px * per_unit;
     float radius = frame.ambient_occlusion_px;
     float hidden = 0.0;
     for (int line = 0; line < 8; ++line) {
@@ -45,7 +48,7 @@ void main() {
                 float depth = texelFetch(depths, neighbor, 0).r;
                 // Where nothing is, nothing hides.
                 if (depth > 0.0) {
-                    float rise = factor * (depth - own) / away_px;
+                    float rise = (factor * (depth - own) - slack) / away_px;
                     rise *= clamp(2.0 - rise * away_px / radius, 0.0, 1.0);
                     steepest[side] = max(steepest[side], min(rise, STEEPEST));
                 }

@@ -26,6 +26,17 @@ pub(crate) struct FrameContext {
     pub(crate) light: SurfaceLighting,
     /// Of colors by depth.
     pub(crate) depth_range: [f32; 2],
+    /// Height of what ambient occlusion takes for a plane, view-space units.
+    pub(crate) occlusion_slack: f32,
+}
+
+/// Height of bumps that ambient occlusion takes for a plane, over the median radius of a cloud's points: points end as domes,
+/// or are flat where the surface is not.
+const SLACK_OF_POINTS: f32 = 0.5;
+
+/// Value of [`FrameConstants::ambient_occlusion_slack`], view-space units.
+pub(crate) fn occlusion_slack(facts: &DrawnFacts, view: &View) -> f32 {
+    SLACK_OF_POINTS * facts.point_radius * view.model_scale
 }
 
 /// Distance that splats of this size may reach beyond the model, pixels.
@@ -53,6 +64,7 @@ impl FrameContext {
             is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
             light: settings.light.in_model(facts.origin),
             depth_range: falsecolor::depth_range(facts.orbit_center, facts.orbit_radius, view),
+            occlusion_slack: occlusion_slack(facts, view),
         }
     }
 
@@ -247,7 +259,8 @@ pub(crate) fn frame_constants(
         .to_array(),
         ambient_occlusion: openness_power(settings),
         ambient_occlusion_px: settings.ambient_occlusion_radius_px(view.width, view.height),
-        unused: [0.0; 2],
+        ambient_occlusion_slack: context.occlusion_slack,
+        unused: 0.0,
         sphere_lamps,
         sphere_colors,
         sphere_rim,

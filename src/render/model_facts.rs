@@ -70,6 +70,27 @@ pub struct DrawnFacts {
     pub origin: DVec3,
     /// Triangles show textures.
     pub has_textures: bool,
+    /// Median radius of the points of a cloud; 0 without any, and where it is not known.
+    pub point_radius: f32,
+}
+
+/// Number of points, at most, that a median radius is taken of.
+const MOST_RADII: usize = 1023;
+
+/// Median radius of the points of a cloud; 0 of anything else.
+fn point_radius(model: &Model) -> f32 {
+    let leaves = &model.tree.leaves;
+    if !model.kind().is_points() || leaves.is_empty() {
+        return 0.0;
+    }
+    let step = leaves.len().div_ceil(MOST_RADII);
+    let mut radii: Vec<f32> = leaves
+        .iter()
+        .step_by(step)
+        .map(|leaf| leaf.radius)
+        .collect();
+    let middle = radii.len() / 2;
+    *radii.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 impl From<&Model> for DrawnFacts {
@@ -84,6 +105,7 @@ impl From<&Model> for DrawnFacts {
             orbit_radius: model.orbit_radius,
             origin: model.origin,
             has_textures: model.textures.is_some(),
+            point_radius: point_radius(model),
         }
     }
 }
@@ -113,6 +135,7 @@ impl DrawnFacts {
             orbit_radius: reach(self).max(reach(other)).min(0.5 * min.distance(max)),
             origin: self.origin,
             has_textures: self.has_textures || other.has_textures,
+            point_radius: self.point_radius.max(other.point_radius),
         }
     }
 }

@@ -137,6 +137,8 @@ impl PagedModel {
                 true => ModelKind::Surface,
                 false => ModelKind::Points,
             },
+            // Its leaves stand for pages, and which of those come first is no matter.
+            point_radius: 0.0,
             ..DrawnFacts::from(&stand_in)
         };
         let loader_options = LoaderOptions {

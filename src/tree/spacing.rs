@@ -445,6 +445,34 @@ mod tests {
         }
     }
 
+    /// Neighbors of a point that is far before a wall lie in the wall's plane, and yet it is no part of a surface.
+    #[test]
+    fn points_far_from_a_surface_stay_dots() {
+        let wall = (0..400).map(|i| Vec3::new((i % 20) as f32, (i / 20) as f32, 0.0));
+        let apart = [
+            [10.0, 10.0, 300.0],
+            [40.0, 0.0, 350.0],
+            [-30.0, 25.0, 290.0],
+            [9.0, 60.0, 400.0],
+        ];
+        let points: Vec<Vec3> = wall.chain(apart.map(Vec3::from_array)).collect();
+        let radii = measured(404, &points);
+        let of_wall = median(&mut radii[..400].to_vec());
+        assert!(
+            radii[400..]
+                .iter()
+                .all(|radius| *radius <= MOST_OF_SURFACE * of_wall),
+            "{:?}",
+            &radii[400..]
+        );
+        // Corners close as the rest does.
+        assert!(
+            radii[0] >= of_wall && radii[399] >= of_wall,
+            "{} {of_wall}",
+            radii[0]
+        );
+    }
+
     #[test]
     fn given_normals_tell_a_thin_rod_from_dust() {
         // Seven around, as far apart along: twelve neighbors reach around more than half of it.

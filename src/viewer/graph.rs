@@ -286,7 +286,7 @@ mod tests {
             ("filtered.clear", 1.0),
             ("filtered.depth", 10.0),
             ("fuzzy.merge", 2.0),
-            ("hybrid.splats", 20.0),
+            ("opaque.splats", 20.0),
             ("overlay", 4.0),
         ];
         let took = work(&frame(2.0, &passes, 40.0), false);

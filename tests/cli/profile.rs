@@ -190,7 +190,7 @@ fn all_files_agree_and_every_field_can_be_true() {
     for (options, passes) in [
         (
             "--threshold 2 --path raster",
-            &["hybrid.triangles", "hybrid.splats"][..],
+            &["opaque.triangles", "opaque.splats"][..],
         ),
         (
             "--splat filtered --path raster",
@@ -358,7 +358,7 @@ fn the_log_has_spans_of_stages_and_passes() {
         "upload: ",
         "submit: ",
         "wait: ",
-        "submit:pass{name=\"hybrid.triangles\"}: ",
+        "submit:pass{name=\"opaque.triangles\"}: ",
     ] {
         let is_there = err
             .lines()

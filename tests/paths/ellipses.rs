@@ -63,10 +63,10 @@ fn ellipses_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
             .render(&view, &settings)
             .unwrap();
         pictures::REFERENCE_OUTLINES.assert_same(&mirror, &picture, &what);
-        assert!(passes.contains(&"small.resolve"), "{what}: {passes:?}");
+        assert!(passes.contains(&"compute.resolve"), "{what}: {passes:?}");
         let has = |name| passes.contains(&name);
-        alone += usize::from(has("small.splats") && !has("hybrid.splats"));
-        beside += usize::from(has("small.splats") && has("hybrid.splats"));
+        alone += usize::from(has("compute.splats") && !has("opaque.splats"));
+        beside += usize::from(has("compute.splats") && has("opaque.splats"));
     }
     assert!(alone >= 6 && beside >= 2, "{alone} alone, {beside} beside");
 }
@@ -147,7 +147,7 @@ fn of_equally_far_ellipses_the_first_is_seen() {
 fn ellipses_go_by_compute_where_that_pays() {
     assert_ways(
         ellipses,
-        &["small.splats"],
+        &["compute.splats"],
         &[
             (1.0, 2.0, Path::Auto, true),
             (1.0, 2.0, Path::Raster, false),

@@ -58,7 +58,7 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 2]> {
                     let (picture, own, _) = passes(&mut ours, &view, &settings);
                     let what = format!("{name}, {splat:?}, {threshold_px}: {own:?}");
                     alone += usize::from(own.is_empty());
-                    rasterized += usize::from(others.contains(&"hybrid.splats"));
+                    rasterized += usize::from(others.contains(&"opaque.splats"));
                     pictures::CPU_LARGE_AS_RASTER.assert_same(&wanted, &picture, &what);
                 }
             }

@@ -512,7 +512,7 @@ fn a_hidden_panel_has_no_pass() {
         must_succeed(&output);
         let log = String::from_utf8_lossy(&output.stderr).into_owned();
         let count = |pass: &str| log.matches(&format!("pass{{name=\"{pass}\"}}")).count();
-        (count("hybrid.triangles"), count("overlay"))
+        (count("opaque.triangles"), count("overlay"))
     };
     let (drawn, covered) = passes("off");
     assert!(

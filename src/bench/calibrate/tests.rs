@@ -25,11 +25,11 @@ fn passes_over_the_picture_are_told_from_those_over_primitives() {
         [of.splats_ms, of.triangles_ms, of.pixels_ms]
     };
     let passes = [
-        ("hybrid.triangles", 1.0),
-        ("small.clear", 2.0),
-        ("small.triangles", 4.0),
-        ("small.splats", 8.0),
-        ("small.resolve", 16.0),
+        ("opaque.triangles", 1.0),
+        ("compute.clear", 2.0),
+        ("compute.triangles", 4.0),
+        ("compute.splats", 8.0),
+        ("compute.resolve", 16.0),
         ("small.copy", 32.0),
     ];
     assert_eq!(parts(7, &passes), [8.0, 5.0, 50.0]);

@@ -50,6 +50,8 @@ struct OcclusionParams {
     inverse_radius: f32,
     focal_px: f32,
     p22: f32,
+    /// Rise that hides nothing, pixels at distance 1 over the depth's own factor; of an orthographic view pixels.
+    slack: f32,
     is_orthographic: bool,
     power: f32,
     background: [f32; 3],
@@ -64,10 +66,11 @@ struct OcclusionLine {
     away_px: [f32; 3],
 }
 
-/// Of a row: how far rises are steeper than differences of depths, and the angles that are hidden.
+/// Of a row: how far rises are steeper than differences of depths, differences that hide nothing, and the angles that are hidden.
 #[derive(Default)]
 struct RowBuffers {
     factors: Vec<f32>,
+    slacks: Vec<f32>,
     hidden: Vec<f32>,
 }
 
@@ -160,6 +163,13 @@ impl OcclusionParams {
             inverse_radius: 1.0 / radius_px,
             focal_px: frame.focal_px,
             p22: frame.clip_from_view[2][2],
+            slack: {
+                let slack = frame.ambient_occlusion_slack * frame.focal_px;
+                match frame.flags & FLAG_ORTHOGRAPHIC != 0 {
+                    true => slack,
+                    false => slack / frame.clip_from_view[3][2],
+                }
+            },
             is_orthographic: frame.flags & FLAG_ORTHOGRAPHIC != 0,
             power: frame.ambient_occlusion,
             background: [red, green, blue],
@@ -176,7 +186,11 @@ impl OcclusionParams {
     fn hide_row(&self, around: &[f32], (row, width): (usize, usize), buffers: &mut RowBuffers) {
         let place = self.place(row);
         let own = &around[place..][..width];
-        let RowBuffers { factors, hidden } = buffers;
+        let RowBuffers {
+            factors,
+            slacks,
+            hidden,
+        } = buffers;
         hidden.clear();
         hidden.resize(width, 0.0);
         factors.clear();
@@ -185,7 +199,16 @@ impl OcclusionParams {
             true => focal_px / p22,
             false => focal_px / (depth.max(0.0) + p22),
         }));
-        let factors = &factors[..width];
+        // A difference of depths by which the surface rises by the slack.
+        slacks.clear();
+        slacks.extend(own.iter().zip(&*factors).map(|(&depth, factor)| {
+            let slack = match self.is_orthographic {
+                true => self.slack,
+                false => self.slack * (depth.max(0.0) + p22),
+            };
+            slack / factor
+        }));
+        let (factors, slacks) = (&factors[..width], &slacks[..width]);
         let hidden = &mut hidden[..width];
         for line in &self.lines {
             let at = |side: isize, index: usize| {
@@ -197,7 +220,7 @@ impl OcclusionParams {
             let slopes = line.away_px.map(|away| 1.0 / away);
             let fades = line.away_px.map(|away| away * self.inverse_radius);
             for x in 0..width {
-                let (depth, factor) = (own[x], factors[x]);
+                let (depth, factor) = (own[x] + slacks[x], factors[x]);
                 let rise = |other: f32, index: usize| {
                     let rise = factor * slopes[index] * (other - depth);
                     rise * (2.0 - rise * fades[index]).clamp(0.0, 1.0)
@@ -273,9 +296,12 @@ mod tests {
     /// Steps, slopes and holes in a rectangle within a larger picture.
     #[test]
     fn the_picture_is_that_of_the_reference() {
-        for (width, height, pitch, radius_px) in
-            [(67, 41, 80, 9.0), (1, 1, 1, 1.0), (3, 60, 3, 30.0)]
-        {
+        for (width, height, pitch, radius_px, slack) in [
+            (67, 41, 80, 9.0, 0.0),
+            (1, 1, 1, 1.0, 0.0),
+            (3, 60, 3, 30.0, 0.0),
+            (67, 41, 80, 9.0, 0.02),
+        ] {
             let view = view((width, height));
             let settings = Settings {
                 ambient_occlusion: AmbientOcclusion::On,
@@ -283,7 +309,10 @@ mod tests {
                 background: [0.2, 0.4, 0.9],
                 ..Settings::default()
             };
-            let facts = DrawnFacts::from(&Model::default());
+            let facts = DrawnFacts {
+                point_radius: 2.0 * slack / view.model_scale,
+                ..DrawnFacts::from(&Model::default())
+            };
             let context = FrameContext::new(&facts, &view, &settings, 0.0, 0);
             let frame = frame_constants(&view, &settings, &context);
             let (width, height) = (width as usize, height as usize);
@@ -325,7 +354,7 @@ mod tests {
             let mut values: Vec<[f32; 4]> = (image.color.iter())
                 .map(|color| color.map(|byte| f32::from(byte) / 255.0))
                 .collect();
-            let around = PixelSurroundings::new(&view, radius_px);
+            let around = PixelSurroundings::new(&view, radius_px, slack);
             around.darken(&mut image, settings.background, frame.ambient_occlusion);
             let picture = DrawnRectangle {
                 colors: &mut words,

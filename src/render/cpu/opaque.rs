@@ -1,4 +1,4 @@
-//! Opaque squares, discs and ellipses by the host, for software devices: what passes small.clear, small.splats and small.resolve, or of large ones the rasterizer,
+//! Opaque squares, discs and ellipses by the host, for software devices: what passes compute.clear, compute.splats and compute.resolve, or of large ones the rasterizer,
 //! leave in the picture.
 //!
 //! A software device goes through the lanes of each write one by one and locks each pixel that it writes

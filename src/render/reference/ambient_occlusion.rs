@@ -7,7 +7,7 @@
 //! In each of eight lines through the pixel, the steepest rise s to one side and s' to the other hide
 //! `max(0, atan s + atan s')` of pi: nothing of a plane however it is tilted, a half in an inner corner of a right angle. Where
 //! nothing is, nothing hides. Rises of more than the radius fade until twice that, so that no shade falls on what lies far
-//! behind. Our deviations: rises are taken as if each pixel lay in the middle of the picture, all lines weigh the same, and the
+//! behind. Of a cloud rises by less than half a point hide nothing: points are domes, or flat where the surface is not. Our deviations: rises are taken as if each pixel lay in the middle of the picture, all lines weigh the same, and the
 //! pattern is the same in all pixels, so that nothing is random.
 
 use super::darken::darken_pixel;
@@ -32,15 +32,18 @@ pub(crate) struct PixelSurroundings {
     radius_px: f32,
     focal_px: f64,
     is_perspective: bool,
+    /// Rises by less hide nothing, view-space units.
+    slack: f64,
 }
 
 impl PixelSurroundings {
-    /// Surroundings of pixels of a view.
-    pub(crate) fn new(view: &View, radius_px: f32) -> Self {
+    /// Surroundings of pixels of a view, in which rises by less than `slack` (view-space units) hide nothing.
+    pub(crate) fn new(view: &View, radius_px: f32, slack: f32) -> Self {
         Self {
             radius_px,
             focal_px: f64::from(view.focal_px()),
             is_perspective: view.is_perspective,
+            slack: f64::from(slack),
         }
     }
 
@@ -74,10 +77,11 @@ impl PixelSurroundings {
                     let steps = steps_of(part * self.radius_px, step_px as f32);
                     let other = distance_at(x + side * steps * dx, y + side * steps * dy)?;
                     let away_px = step_px * steps as f64;
-                    let rise = match self.is_perspective {
-                        true => self.focal_px * (own / other - 1.0) / away_px,
-                        false => self.focal_px * (own - other) / away_px,
+                    let height_px = match self.is_perspective {
+                        true => self.focal_px * (own / other - 1.0 - self.slack / own),
+                        false => self.focal_px * (own - other - self.slack),
                     };
+                    let rise = height_px / away_px;
                     let in_radii = rise * away_px / f64::from(self.radius_px);
                     Some(rise * (2.0 - in_radii).clamp(0.0, 1.0))
                 });
@@ -101,6 +105,15 @@ mod tests {
 
     /// Openness at columns of the middle row of a picture with these distances in an orthographic view, a pixel a unit.
     fn openness(columns: &[i64], radius_px: f32, distance: impl Fn(i64, i64) -> f32) -> Vec<f64> {
+        openness_of(columns, (radius_px, 0.0), distance)
+    }
+
+    /// As [`openness`], where rises by less than a height hide nothing.
+    fn openness_of(
+        columns: &[i64],
+        (radius_px, slack): (f32, f64),
+        distance: impl Fn(i64, i64) -> f32,
+    ) -> Vec<f64> {
         let (width, height) = (101, 101);
         let places = (0..height).flat_map(|y| (0..width).map(move |x| (x - 50, y - 50)));
         let image = Image {
@@ -113,6 +126,7 @@ mod tests {
             radius_px,
             focal_px: 1.0,
             is_perspective: false,
+            slack,
         };
         let at = |x: &i64| around.openness(&image, (50 * width + x + 50) as usize);
         columns.iter().map(at).collect()
@@ -130,6 +144,7 @@ mod tests {
             radius_px: 20.0,
             focal_px: 80.0,
             is_perspective: true,
+            slack: 0.0,
         };
         // 1 / d is linear in the picture.
         let depth =
@@ -182,6 +197,32 @@ mod tests {
         assert_eq!(openness(&[0, 1, 5], 10.0, edge), [1.0; 3]);
     }
 
+    /// A tilted plane of bumps is open where they are not above the slack; a step of three times that still hides.
+    #[test]
+    fn bumps_of_points_hide_nothing() {
+        let bumps = |height: f32| {
+            move |x: i64, y: i64| {
+                let is_high = (x.div_euclid(3) + y.div_euclid(3)).rem_euclid(2) == 0;
+                500.0 + 0.5 * x as f32 - if is_high { height } else { 0.0 }
+            }
+        };
+        let columns: Vec<i64> = (-20..20).collect();
+        let least = |slack, height| {
+            let all = openness_of(&columns, (10.0, slack), bumps(height));
+            all.into_iter().fold(1.0, f64::min)
+        };
+        assert_eq!(least(1.0, 1.0), 1.0);
+        assert!(least(0.0, 1.0) < 0.9, "{}", least(0.0, 1.0));
+        let step = |height: f32| move |x: i64, _: i64| if x < 0 { 500.0 - height } else { 500.0 };
+        let beside = |slack, height| openness_of(&[3], (10.0, slack), step(height))[0];
+        // The slack is off on either side of a pixel, also where nothing rises: still the step is seen.
+        let (own, lower) = (beside(2.0, 6.0), beside(0.0, 4.0));
+        assert!(own > lower && own < 0.95, "{own} {lower}");
+        // One line across a step: up by 6 - 2 over 6 pixels, and down by 2 over 10, the flattest.
+        let along = (4.0f64 / 6.0).atan() - (2.0f64 / 10.0).atan();
+        assert!(1.0 - own < along / std::f64::consts::PI, "{own}");
+    }
+
     #[test]
     fn the_background_shows_through_undarkened() {
         let mut image = Image {
@@ -196,6 +237,7 @@ mod tests {
             radius_px: 1.0,
             focal_px: 1.0,
             is_perspective: false,
+            slack: 0.0,
         };
         around.darken(&mut image, [0.0, 0.0, 1.0], 1000.0);
         assert!(image.color[1][2].abs_diff(127) <= 1 && image.color[1][0] == 0);

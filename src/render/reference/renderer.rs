@@ -11,7 +11,7 @@ use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, Prim
 use crate::render::PictureOutputs;
 use crate::render::backdrop::BackgroundGradient;
 use crate::render::cut_key::CutKey;
-use crate::render::frame_constants::{eye_dome_exponent, openness_power};
+use crate::render::frame_constants::{eye_dome_exponent, occlusion_slack, openness_power};
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, largest_splat_px, splat_plan};
 use crate::render::part_cuts::PartCuts;
@@ -279,7 +279,7 @@ impl ReferenceRenderer {
         self.image = image;
         if openness_power > 0.0 {
             let radius_px = settings.ambient_occlusion_radius_px(view.width, view.height);
-            let around = PixelSurroundings::new(view, radius_px);
+            let around = PixelSurroundings::new(view, radius_px, occlusion_slack(facts, view));
             around.darken(&mut self.image, settings.background, openness_power);
         }
         if eye_dome > 0.0 {

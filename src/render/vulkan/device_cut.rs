@@ -247,7 +247,7 @@ impl DeviceCut {
         }
     }
 
-    /// Pass `hybrid.triangles`, which clears the targets: the triangles that compute does not draw.
+    /// Pass `opaque.triangles`, which clears the targets: the triangles that compute does not draw.
     pub(crate) fn draw_triangles(
         &self,
         frame: &mut FrameRecorder<'_>,
@@ -260,7 +260,7 @@ impl DeviceCut {
             return;
         };
         targets
-            .attach(frame.pass("hybrid.triangles"), context)
+            .attach(frame.pass("opaque.triangles"), context)
             .indices(&self.indices)
             .vertices(&page.vertices)
             .arguments(&self.counters)
@@ -274,7 +274,7 @@ impl DeviceCut {
             });
     }
 
-    /// Pass `hybrid.splats`, after the triangles: the splats by the rasterizer.
+    /// Pass `opaque.splats`, after the triangles: the splats by the rasterizer.
     pub(crate) fn draw_splats(
         &self,
         frame: &mut FrameRecorder<'_>,

@@ -2,8 +2,8 @@
 //! fraction of their cost where they are a few pixels large.
 //!
 //! A rasterizer sets every primitive up before it draws it, which on a software device takes some 65 to 150 ns whatever
-//! its size. Here `small.triangles` and `small.splats` let each leave (depth, number) in the pixels it covers by a 64-bit
-//! atomic maximum, and `small.resolve` shades one of them a pixel. Source: Schütz, Kerbl and Wimmer, *Rendering Point
+//! its size. Here `compute.triangles` and `compute.splats` let each leave (depth, number) in the pixels it covers by a 64-bit
+//! atomic maximum, and `compute.resolve` shades one of them a pixel. Source: Schütz, Kerbl and Wimmer, *Rendering Point
 //! Clouds with Compute Shaders and Vertex Order Optimization* (Computer Graphics Forum, 2021). What is large, or reaches
 //! the near plane, goes to the rasterizer.
 
@@ -93,11 +93,11 @@ impl ResolvePipelines {
         Ok(Self {
             lamp_flags,
             splats: pipeline(
-                "small.resolve splats",
+                "compute.resolve splats",
                 shaders::COMPUTE_RESOLVE_SPLATS_FRAG.of(normals),
             )?,
             triangles: pipeline(
-                "small.resolve triangles",
+                "compute.resolve triangles",
                 shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG.of(normals),
             )?,
         })
@@ -114,7 +114,7 @@ impl ComputeRasterizer {
             splats: Vec::new(),
             triangles: ShaderPipeline::compute(
                 gpu,
-                "small.triangles",
+                "compute.triangles",
                 &shaders::COMPUTE_TRIANGLES_COMP,
                 &[],
             )?,
@@ -219,7 +219,7 @@ impl ComputeRasterizer {
         self.record(frame, targets, list, (context, false), constants)
     }
 
-    /// Passes small.clear, small.triangles, small.splats and small.resolve.
+    /// Passes compute.clear, compute.triangles, compute.splats and compute.resolve.
     /// Keeps what the targets hold where it is nearer; where these passes are the first of the frame, that is nothing.
     ///
     /// # Errors
@@ -245,13 +245,13 @@ impl ComputeRasterizer {
             "chosen lists are bound whole"
         );
         let keys = BufferSlice::whole(&self.keys);
-        frame.pass("small.clear").fill(
+        frame.pass("compute.clear").fill(
             &[(&self.keys, 8 * screen_bounds::pixels(context.rect_px))],
             0,
         );
         if !triangles.is_empty() {
             let mut pass = frame
-                .pass("small.triangles")
+                .pass("compute.triangles")
                 .storage_read(list.corners)
                 .storage(&self.keys);
             for vertices in list.scene.vertex_buffers() {
@@ -283,7 +283,7 @@ impl ComputeRasterizer {
                 pipeline
             };
             let mut pass = frame
-                .pass("small.splats")
+                .pass("compute.splats")
                 .storage_read(list.splats)
                 .storage(&self.keys);
             if let Some(groups) = list.groups {
@@ -311,7 +311,7 @@ impl ComputeRasterizer {
         Ok(())
     }
 
-    /// Pass small.resolve: shades what each pixel kept.
+    /// Pass compute.resolve: shades what each pixel kept.
     fn resolve(
         &self,
         frame: &mut FrameRecorder<'_>,
@@ -325,7 +325,7 @@ impl ComputeRasterizer {
             unreachable!("ensure_light made the pipelines")
         };
         let mut pass = targets
-            .attach_after(frame.pass("small.resolve"), context, is_first)
+            .attach_after(frame.pass("compute.resolve"), context, is_first)
             .fragment_storage(list.splats)
             .fragment_storage(list.corners)
             .fragment_storage(buffer);

@@ -111,7 +111,7 @@ impl OpaqueSplats {
         }
     }
 
-    /// Pass `hybrid.splats`: the splats of a list, if there are any. Keeps what the triangles left, unless it is the first pass
+    /// Pass `opaque.splats`: the splats of a list, if there are any. Keeps what the triangles left, unless it is the first pass
     /// of the frame.
     pub(crate) fn record_list(
         &self,
@@ -125,11 +125,11 @@ impl OpaqueSplats {
         if list.is_empty() {
             return;
         }
-        let pass = targets.attach_after(frame.pass("hybrid.splats"), context, is_first);
+        let pass = targets.attach_after(frame.pass("opaque.splats"), context, is_first);
         raster_pass::draw(pass, &list, self.pipelines(), context, constants);
     }
 
-    /// Pass `hybrid.splats`: the points of a list by the arguments at an offset of a buffer. Keeps what the triangles left.
+    /// Pass `opaque.splats`: the points of a list by the arguments at an offset of a buffer. Keeps what the triangles left.
     pub(crate) fn record_from(
         &self,
         frame: &mut FrameRecorder<'_>,
@@ -139,7 +139,7 @@ impl OpaqueSplats {
         constants: UniformBlock,
     ) {
         let pass = targets
-            .attach_with(frame.pass("hybrid.splats"), context, |_| TargetLoad::Keep)
+            .attach_with(frame.pass("opaque.splats"), context, |_| TargetLoad::Keep)
             .vertices(list)
             .arguments(arguments);
         pass.draw(context.viewport(), |draw| {

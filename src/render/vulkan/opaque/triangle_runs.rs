@@ -11,7 +11,7 @@ use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines};
 use crate::render::vulkan::targets::{Context, FrameTargets};
 
-/// Pass `hybrid.triangles`: the leaves that are large on screen. Clears the targets. A frame without any begins with the pass
+/// Pass `opaque.triangles`: the leaves that are large on screen. Clears the targets. A frame without any begins with the pass
 /// after it.
 pub(crate) fn record_triangles(
     frame: &mut FrameRecorder<'_>,
@@ -26,6 +26,6 @@ pub(crate) fn record_triangles(
         reads_textures: list.scene.is_textured(),
         ..RasterPipelines::default()
     };
-    let pass = targets.attach(frame.pass("hybrid.triangles"), context);
+    let pass = targets.attach(frame.pass("opaque.triangles"), context);
     raster_pass::draw(pass, &list.only_triangles(), pipelines, context, constants);
 }

@@ -245,6 +245,7 @@ impl VulkanRenderer {
             is_mirrored: false,
             light: SurfaceLighting::Headlight,
             depth_range: [0.0, 1.0],
+            occlusion_slack: 0.0,
         };
         self.looks.forget();
         let mut frame = self.frames.begin()?;

@@ -150,6 +150,7 @@ fn picture(
 fn context(rect_px: [u32; 4]) -> Context {
     Context {
         depth_range: [0.0, 1.0],
+        occlusion_slack: 0.0,
         width: SIZE.0,
         height: SIZE.1,
         guard_px: 40,
