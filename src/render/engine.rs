@@ -372,7 +372,7 @@ impl<'m> Engine<'m> {
             &mut self.reference,
         ) {
             (FrameBackend::Cpu, Some(cpu), ..) => {
-                (cpu.pictures).draw(parts, view, settings, self.photos.as_deref())
+                (cpu.pictures).draw(parts, view, settings, self.photos.as_ref())
             }
             (FrameBackend::Device, _, Some(device), _) => {
                 let DeviceEngine {
@@ -497,7 +497,7 @@ impl<'m> Engine<'m> {
                 let samples = cpu
                     .samples
                     .insert(old.unwrap_or_else(|| CpuPictures::new(size, values)));
-                samples.draw(parts, view, settings, self.photos.as_deref())?;
+                samples.draw(parts, view, settings, self.photos.as_ref())?;
                 Ok(samples.read(view))
             }
             (FrameBackend::Device, _, Some(device), _) => device.sample(parts, view, settings),
