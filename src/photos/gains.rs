@@ -6,6 +6,7 @@
 //! are of encoded values: a power of linear light is a factor of these too.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Common places of two photographs below which they say nothing of each other.
 const FEWEST_COMMON: usize = 20;
@@ -16,8 +17,11 @@ const MOST_COMMON: usize = 4000;
 /// Weight of a gain of 1, in places: keeps photographs without neighbors as they are.
 const PRIOR: f64 = 1.0;
 
-/// Rounds of Gauss-Seidel.
+/// Rounds of Gauss-Seidel, at most.
 const ROUNDS: usize = 500;
+
+/// Change of every logarithm in a round below which there is no other: a thousandth of a level.
+const SMALLEST_MOVE: f64 = 4e-6;
 
 /// Largest factor either way.
 const LARGEST: f64 = 4.0;
@@ -27,23 +31,25 @@ const USABLE: [f32; 2] = [0.03, 0.97];
 
 /// The gains of photographs whose colors at the same places are `colors[photo][place]`; `None` where a photograph does not
 /// show the place. Their geometric mean is 1, and 1 is the gain of a photograph that shares too little.
-pub fn exposure_gains(colors: &[Vec<Option<Vec3>>]) -> Vec<Vec3> {
+pub fn exposure_gains(colors: &[impl AsRef<[Option<Vec3>]> + Sync]) -> Vec<Vec3> {
     let count = colors.len();
     let mut gains = vec![Vec3::ONE; count];
     for channel in 0..3 {
         // Of each pair i < j: the median of log ratios, and how many.
-        let mut pairs = Vec::new();
-        for i in 0..count {
-            for j in i + 1..count {
-                if let Some((ratio, weight)) = median_ratio([&colors[i], &colors[j]], channel) {
-                    pairs.push(PairRatio {
-                        photos: [i, j],
-                        ratio,
-                        weight,
-                    });
-                }
-            }
-        }
+        let of_first = |i: usize| -> Vec<PairRatio> {
+            let of_pair = |j: usize| {
+                let (ratio, weight) =
+                    median_ratio([colors[i].as_ref(), colors[j].as_ref()], channel)?;
+                Some(PairRatio {
+                    photos: [i, j],
+                    ratio,
+                    weight,
+                })
+            };
+            (i + 1..count).filter_map(of_pair).collect()
+        };
+        let pairs: Vec<Vec<PairRatio>> = (0..count).into_par_iter().map(of_first).collect();
+        let pairs = pairs.concat();
         let logs = solve(count, &pairs);
         for (gain, log) in gains.iter_mut().zip(logs) {
             gain[channel] = log.exp().clamp(1.0 / LARGEST, LARGEST) as f32;
@@ -53,7 +59,7 @@ pub fn exposure_gains(colors: &[Vec<Option<Vec3>>]) -> Vec<Vec3> {
 }
 
 /// Median of log(second / first) and the number of places.
-fn median_ratio(pair: [&Vec<Option<Vec3>>; 2], channel: usize) -> Option<(f64, f64)> {
+fn median_ratio(pair: [&[Option<Vec3>]; 2], channel: usize) -> Option<(f64, f64)> {
     let usable = |v: f32| v > USABLE[0] && v < USABLE[1];
     let mut ratios: Vec<f64> = (pair[0].iter().zip(pair[1]))
         .filter_map(|(a, b)| {
@@ -71,6 +77,7 @@ fn median_ratio(pair: [&Vec<Option<Vec3>>; 2], channel: usize) -> Option<(f64, f
 }
 
 /// Ratio of the colors of two photographs.
+#[derive(Clone, Copy)]
 struct PairRatio {
     photos: [usize; 2],
     /// Median of log(second / first).
@@ -82,21 +89,27 @@ struct PairRatio {
 /// Logarithms of the gains, with mean 0.
 fn solve(count: usize, pairs: &[PairRatio]) -> Vec<f64> {
     let mut logs = vec![0.0; count];
+    // Of each photograph the others, what its logarithm is above theirs, and how many places say so: g_i - g_j = ratio brings
+    // both to one value.
+    let mut others: Vec<Vec<(usize, f64, f64)>> = vec![Vec::new(); count];
+    for pair in pairs {
+        let [i, j] = pair.photos;
+        others[i].push((j, pair.ratio, pair.weight));
+        others[j].push((i, -pair.ratio, pair.weight));
+    }
     for _ in 0..ROUNDS {
+        let mut moved = 0.0_f64;
         for photo in 0..count {
             let (mut sum, mut weights) = (0.0, PRIOR);
-            for pair in pairs {
-                // g_i - g_j = ratio brings both to one value.
-                let [i, j] = pair.photos;
-                let wanted = match photo {
-                    _ if photo == i => logs[j] + pair.ratio,
-                    _ if photo == j => logs[i] - pair.ratio,
-                    _ => continue,
-                };
-                sum += pair.weight * wanted;
-                weights += pair.weight;
+            for (other, ratio, weight) in &others[photo] {
+                sum += weight * (logs[*other] + ratio);
+                weights += weight;
             }
+            moved = moved.max((sum / weights - logs[photo]).abs());
             logs[photo] = sum / weights;
+        }
+        if moved < SMALLEST_MOVE {
+            break;
         }
     }
     let is_tied = |photo: usize| pairs.iter().any(|pair| pair.photos.contains(&photo));
@@ -158,7 +171,7 @@ mod tests {
         let gains = exposure_gains(&[dark, light, vec![None; 50]]);
         assert_eq!(gains[2], Vec3::ONE);
         assert!((gains[0].x / gains[1].x - 2.0).abs() < 0.05, "{gains:?}");
-        assert!(exposure_gains(&[]).is_empty());
+        assert!(exposure_gains(&[Vec::new(); 0]).is_empty());
         // Clipped places say nothing.
         let clipped = vec![Some(Vec3::ONE); 50];
         assert_eq!(exposure_gains(&[clipped.clone(), clipped]), [Vec3::ONE; 2]);

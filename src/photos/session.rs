@@ -143,7 +143,7 @@ impl<'m> PhotoSession<'m> {
             .ready
             .iter()
             .flatten()
-            .all(|ready| ready.projected.area == 0.0)
+            .all(|ready| !ready.shows_model())
         {
             return Err(PhotoError::Usage(format!(
                 "{}: no photograph shows the model; mesh and cameras are in different frames",

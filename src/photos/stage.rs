@@ -232,7 +232,7 @@ impl PhotoStage {
         let mut there = self.photos.iter().flatten().peekable();
         let cause = if there.peek().is_none() {
             "no photograph is there or can be decoded; name the folder with the photographs"
-        } else if there.all(|photo| photo.prepared.projected.area == 0.0) {
+        } else if there.all(|photo| !photo.prepared.shows_model()) {
             "no photograph shows the model; mesh and cameras are in different frames"
         } else {
             return Ok(());
@@ -328,10 +328,19 @@ impl PhotoStage {
             .filter(|i| self.photos[*i].is_some())
             .collect();
         let colors: Vec<_> = (there.iter())
-            .filter_map(|i| Some(self.photos[*i].as_ref()?.prepared.colors.clone()))
+            .filter_map(|i| Some(self.photos[*i].as_ref()?.prepared.colors.as_slice()))
             .collect();
-        for (index, gain) in there.into_iter().zip(exposure_gains(&colors)) {
-            self.gains[index] = gain;
+        let gains: Vec<(usize, Vec3)> =
+            there.iter().copied().zip(exposure_gains(&colors)).collect();
+        self.set_gains(&gains);
+    }
+
+    /// Sets gains of photographs, by their index in the scene, that [`exposure_gains`] found.
+    pub fn set_gains(&mut self, gains: &[(usize, Vec3)]) {
+        for (index, gain) in gains {
+            if let Some(own) = self.gains.get_mut(*index) {
+                *own = *gain;
+            }
         }
     }
 
