@@ -17,6 +17,9 @@ const MOST_COMMON: usize = 4000;
 /// Weight of a gain of 1, in places: keeps photographs without neighbors as they are.
 const PRIOR: f64 = 1.0;
 
+/// Keeps the part of a photograph in its own pose finite: all others together have less than a twentieth of it.
+const LEAST_APART: f64 = 1e-3;
+
 /// Rounds of Gauss-Seidel, at most.
 const ROUNDS: usize = 500;
 
@@ -31,7 +34,7 @@ const USABLE: [f32; 2] = [0.03, 0.97];
 
 /// The gains of photographs whose colors at the same places are `colors[photo][place]`; `None` where a photograph does not
 /// show the place. Their geometric mean is 1, and 1 is the gain of a photograph that shares too little.
-pub fn exposure_gains(colors: &[impl AsRef<[Option<Vec3>]> + Sync]) -> Vec<Vec3> {
+pub fn exposure_gains<C: AsRef<[Option<Vec3>]> + Sync>(colors: &[C]) -> Vec<Vec3> {
     let count = colors.len();
     let mut gains = vec![Vec3::ONE; count];
     for channel in 0..3 {
@@ -56,6 +59,16 @@ pub fn exposure_gains(colors: &[impl AsRef<[Option<Vec3>]> + Sync]) -> Vec<Vec3>
         }
     }
     gains
+}
+
+/// Part that a photograph of this worth at a place has in the exposure of a view. Worth falls with the square of the angle to
+/// the nearest ray, this with the angle alone: on the way between two photographs the exposure goes over evenly, while in a
+/// photograph's own pose it still is its own.
+pub(crate) fn exposure_part(worth: f32) -> f64 {
+    match worth > 0.0 {
+        true => 1.0 / ((1.0 / f64::from(worth) - 1.0).max(0.0) + LEAST_APART).sqrt(),
+        false => 0.0,
+    }
 }
 
 /// Median of log(second / first) and the number of places.
@@ -165,13 +178,34 @@ mod tests {
     }
 
     #[test]
+    fn exposure_goes_over_evenly_between_two_poses() {
+        // Rays from the way between two poses, 0.2 apart: worth by half the square of the angle.
+        let worth = |angle: f64| (1e-4 / (1e-4 + 0.5 * angle * angle)) as f32;
+        let share = |at: f64| {
+            let [first, second] = [at, 0.2 - at].map(|angle| exposure_part(worth(angle)));
+            first / (first + second)
+        };
+        assert!(share(0.0) > 0.99 && share(0.2) < 0.01, "{}", share(0.0));
+        for step in 1..20 {
+            let at = 0.01 * f64::from(step);
+            assert!(
+                (share(at) - (1.0 - at / 0.2)).abs() < 0.01,
+                "{at}: {}",
+                share(at)
+            );
+        }
+        assert_eq!(exposure_part(0.0), 0.0);
+        assert!(exposure_part(1e-6) < 1e-2);
+    }
+
+    #[test]
     fn a_photograph_that_shares_nothing_keeps_its_colors() {
         let dark = vec![Some(Vec3::splat(0.2)); 50];
         let light = vec![Some(Vec3::splat(0.4)); 50];
         let gains = exposure_gains(&[dark, light, vec![None; 50]]);
         assert_eq!(gains[2], Vec3::ONE);
         assert!((gains[0].x / gains[1].x - 2.0).abs() < 0.05, "{gains:?}");
-        assert!(exposure_gains(&[Vec::new(); 0]).is_empty());
+        assert!(exposure_gains::<&[_]>(&[]).is_empty());
         // Clipped places say nothing.
         let clipped = vec![Some(Vec3::ONE); 50];
         assert_eq!(exposure_gains(&[clipped.clone(), clipped]), [Vec3::ONE; 2]);

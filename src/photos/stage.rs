@@ -9,7 +9,7 @@ use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::photos::choose::{most_worth, view_direction};
 use crate::photos::error::PhotoError;
-use crate::photos::gains::exposure_gains;
+use crate::photos::gains::{exposure_gains, exposure_part};
 use crate::photos::library::{load_photo, load_thumbnail};
 use crate::photos::look::{LookSettings, LookView, SurfacePixel, photo_weight};
 use crate::photos::prepared::{PreparedPhoto, used_vertices};
@@ -435,7 +435,7 @@ impl PhotoStage {
         let places = worth.first().map_or(0, Vec::len);
         let (mut logs, mut weights) = (DVec3::ZERO, 0.0);
         (0..places).for_each(|place| {
-            let of = |own: &usize| f64::from(worth[*own][place]);
+            let of = |own: &usize| exposure_part(worth[*own][place]);
             let all: f64 = chosen.iter().map(of).sum();
             if all > 0.0 {
                 for own in chosen {

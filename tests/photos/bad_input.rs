@@ -196,7 +196,7 @@ fn scenes_of_which_nothing_can_be_used_say_why() {
     };
     let mut elsewhere = wall();
     elsewhere.origin = glam::DVec3::new(900.0, 0.0, 0.0);
-    let message = of(&[good.clone()], &elsewhere);
+    let message = of(std::slice::from_ref(&good), &elsewhere);
     assert!(message.contains("different frames"), "{message}");
     let message = of(&[frame("none.png", [0.0, 0.0, 4.0], 1.0)], &wall());
     assert!(message.contains("no photograph is there"), "{message}");

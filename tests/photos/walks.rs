@@ -13,17 +13,21 @@ use surfel::projective::lens::CameraLens;
 use surfel::render::engine::Backend;
 use surfel::tree::{BuildOptions, Model};
 
-/// A wall of 16 x 4 in z = 0.
+/// A wall of 16 x 4 in z = 0, of cells small enough that exposures are compared at their corners.
 fn wall() -> Model {
     let mut mesh = Mesh::default();
-    for i in 0..=32_u32 {
-        for y in [-2.0, 2.0] {
-            mesh.positions.push(Vec3::new(0.5 * i as f32 - 8.0, y, 0.0));
+    for j in 0..=16_u32 {
+        for i in 0..=64_u32 {
+            let (x, y) = (0.25 * i as f32 - 8.0, 0.25 * j as f32 - 2.0);
+            mesh.positions.push(Vec3::new(x, y, 0.0));
         }
     }
-    for k in 0..32_u32 {
-        let [a, b, c, d] = [2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1];
-        mesh.triangles.extend([[a, b, c], [a, c, d]]);
+    for j in 0..16_u32 {
+        for i in 0..64_u32 {
+            let [a, b] = [65 * j + i, 65 * j + i + 1];
+            let [c, d] = [b + 65, a + 65];
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
     }
     surfel::tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
@@ -44,7 +48,7 @@ fn scene(folder: &Path) -> PhotoScene {
                 4.0,
             ),
         };
-        let exposure = [1.0, 0.75, 1.2, 0.85][index as usize % 4];
+        let exposure = [1.0, 0.9, 1.1, 0.95][index as usize % 4];
         let name = format!("{index}.png");
         let file = folder.join(&name);
         let picture = image::RgbImage::from_fn(120, 90, |x, y| {

@@ -31,7 +31,7 @@ pub(super) fn log2<S: Simd>(value: WideLanes<S>) -> WideLanes<S> {
     let exponent = WideLanes::<S>::from_bits_of(bits, 1, 24, false);
     let m = WideLanes::<S>::from_bits_of(bits, 9, 9, false) * (1.0 / 8_388_608.0);
     let high = m * (m * -0.033_822_05 + m.all(0.144_471_1)) + m.all(-0.301_638);
-    let low = m * (m * high + m.all(0.468_658_88)) + m.all(-0.720_358_8);
+    let low = m * (m * high + m.all(0.468_658_9)) + m.all(-0.720_358_8);
     exponent - m.all(127.0) + m * (m * low + m.all(1.442_681_5))
 }
 

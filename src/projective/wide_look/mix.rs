@@ -192,10 +192,10 @@ impl<S: Simd> BlockMix<'_, S> {
             return;
         }
         let mut colors = [[zero; 3]; CANDIDATES];
-        for k in 0..CANDIDATES {
+        for (k, color) in colors.iter_mut().enumerate() {
             let lanes = set & WideLanes::<S>::bits(self.weights[k].gt(zero));
             if lanes != 0 {
-                colors[k] = self.colors(self.indices[k], lanes, Some(COARSER));
+                *color = self.colors(self.indices[k], lanes, Some(COARSER));
             }
         }
         let mut same = self.weights;
