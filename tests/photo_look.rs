@@ -583,6 +583,7 @@ fn a_loader_brings_thumbnails_first_and_forgets_what_is_wanted_no_more() {
         folder: None,
         model: Arc::new(walls()),
         longest_side: 4096,
+        eye: Some(cameras()[4].center),
     };
     let mut loader = PhotoLoader::start(request(&file)).unwrap();
     let (mut ready, mut unusable) = (Vec::new(), Vec::new());
@@ -599,7 +600,13 @@ fn a_loader_brings_thumbnails_first_and_forgets_what_is_wanted_no_more() {
                 assert!(sentence.contains("3.png"), "{sentence}");
                 unusable.push(index);
             }
-            PhotoArrival::AllReady => break,
+            PhotoArrival::AllReady(gains) => {
+                assert!(
+                    gains.iter().all(|(index, _)| ready.contains(index))
+                        && gains.len() == ready.len()
+                );
+                break;
+            }
             other => panic!("{other:?}"),
         }
     }

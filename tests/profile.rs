@@ -77,6 +77,7 @@ fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings
         views,
         settings,
         warm_up: 1,
+        photos: &[],
     };
     // The other self-test has a test of its own, and takes a second.
     let proof = match backend {
@@ -420,6 +421,7 @@ fn the_mirror_has_stages_and_counts() {
     let plan = ProfilePlan {
         views: &[],
         settings: &settings,
+        photos: &[],
         warm_up: 1,
     };
     let empty = FrameProfile::run(
@@ -462,6 +464,7 @@ fn cancelling_ends_at_the_next_frame() {
     let plan = ProfilePlan {
         views: &views,
         settings: &settings,
+        photos: &[],
         warm_up: 1,
     };
     // While timing, then while counting.

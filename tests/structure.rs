@@ -74,7 +74,7 @@ const LAYERS: &[Layer] = &[
         ],
     ),
     // Calibrated cameras and what a photograph shows of a surface: plain values, that every backend draws by.
-    layer("projective", &["math"]),
+    layer("projective", &["math", "simd"]),
     // Vulkan knows records and layouts, but neither trees nor meshes.
     // Threads copy what a graphics card reads.
     layer("gpu", &["threads", "abi"]),
@@ -99,7 +99,17 @@ const LAYERS: &[Layer] = &[
     layer(
         "measure",
         &[
-            "progress", "math", "abi", "tree", "cut", "pack", "image", "patches", "gpu", "render",
+            "progress",
+            "math",
+            "abi",
+            "tree",
+            "cut",
+            "pack",
+            "image",
+            "patches",
+            "projective",
+            "gpu",
+            "render",
         ],
     ),
     // Calibrated photographs: their scenes know nothing of models; the look and its score draw one.

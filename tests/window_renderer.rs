@@ -141,12 +141,12 @@ fn who_is_insisted_on_draws_or_says_why_not() {
     let square = of_splat(SplatKind::Square, 2.0);
     let mut window = Window::new(&device, &model, WindowBackend::Vulkan);
     let times = window.draw(&view, &square);
-    assert!(!times.passes.is_empty() && times.host_ms == 0.0);
+    assert!(!times.passes.is_empty() && times.host.drawing_ms == 0.0);
     let of_device = Backend::Vulkan(device.gpu().clone());
     let wanted = engine_picture(&model, &of_device, &view, &square);
     assert!(window.renderer.read(&view).unwrap() == wanted);
     let mut window = Window::new(&device, &model, WindowBackend::Cpu);
-    assert!(window.draw(&view, &square).host_ms > 0.0);
+    assert!(window.draw(&view, &square).host.drawing_ms > 0.0);
     let shown = ShownModel {
         models: &[&model],
         scene: &mut window.scene,

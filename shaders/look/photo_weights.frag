@@ -130,33 +130,31 @@ float weight_of(uint photo, SurfacePixel surface, vec3 view_ray) {
     } else {
         weight = princ_weight(photo, ray, surface.normal);
     }
-    if (!(weight > 0.0)) {
-        return 0.0;
-    }
-    if (PHOTO_VISIBILITY != VISIBILITY_OFF) {
+    int looks = PHOTO_VISIBILITY != VISIBILITY_OFF && weight > 0.0 ? 1 : 0;
+    for (int i = 0; i < looks; ++i) {
         weight *= visibility_of(photo, p, facing);
     }
     if (HAS_MASKS && place_of(photo, 0u).w != 0u) {
         uvec4 place = place_of(photo, 1u);
         weight *= photo_bilinear(place.x, place.yz, place.w >> 5, at / size).a;
     }
-    return weight;
+    return weight > 0.0 ? weight : 0.0;
 }
-
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy) - ivec2(group.spot.xy);
     weights = vec4(0.0);
     float own = texelFetch(depths, pixel, 0).r;
-    if (!(own > 0.0)) {
-        return;
-    }
-    SurfacePixel surface = surface_of(pixel, distance_of(own));
-    bool is_perspective = look.start.w != 0.0;
-    vec3 view_ray = unit_of(is_perspective ? surface.position - look.start.xyz : look.towards.xyz);
-    for (uint photo = 0u; photo < PHOTO_GROUP; ++photo) {
-        float weight = weight_of(photo, surface, view_ray);
-        bool is_there = photo < group.spot.z;
-        weights[photo] = is_there ? (camera_of(photo, 5u).w == 0.0 ? weight : -weight) : 0.0;
+    // A software device takes every branch, but leaves loops that no pixel needs.
+    int surfaces = own > 0.0 ? 1 : 0;
+    for (int i = 0; i < surfaces; ++i) {
+        SurfacePixel surface = surface_of(pixel, distance_of(own));
+        bool is_perspective = look.start.w != 0.0;
+        vec3 view_ray = unit_of(is_perspective ? surface.position - look.start.xyz : look.towards.xyz);
+        for (uint photo = 0u; photo < PHOTO_GROUP; ++photo) {
+            float weight = weight_of(photo, surface, view_ray);
+            bool is_there = photo < group.spot.z;
+            weights[photo] = is_there ? (camera_of(photo, 5u).w == 0.0 ? weight : -weight) : 0.0;
+        }
     }
 }

@@ -126,7 +126,11 @@ void main() {
     for (int i = 0; i < CANDIDATES; ++i) {
         count += best[i] > 0.0 && best[i] >= LEAST_SHARE * best[0] ? 1 : 0;
     }
-    SurfacePixel surface = surface_of(pixel, distance_of(max(own, 1e-9)));
+    SurfacePixel surface = SurfacePixel(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+    int surfaces = count > 0 ? 1 : 0;
+    for (int i = 0; i < surfaces; ++i) {
+        surface = surface_of(pixel, distance_of(max(own, 1e-9)));
+    }
     vec3 spots[CANDIDATES];
     for (int i = 0; i < count; ++i) {
         spots[i] = spot_of(photos[i], surface);

@@ -195,7 +195,7 @@ pub fn split(times: &FrameTimes) -> PassSplit {
             split.triangles_ms = all;
         }
     }
-    split.splats_ms += times.host_ms;
+    split.splats_ms += times.host.drawing_ms;
     for pass in &times.passes {
         *match pass.name.rsplit('.').next().unwrap_or_default() {
             "triangles" if times.counts.triangles > 0 => &mut split.triangles_ms,

@@ -7,6 +7,7 @@
 pub mod angles;
 mod axis;
 mod labels;
+pub mod walk;
 
 use super::summary::{SummaryPanel, SummaryPoint};
 use super::{ChartError, DrawConfiguration, RecordSource};

@@ -454,7 +454,7 @@ fn put_errors(row: &mut ChartRow, errors: &PictureErrors) {
 
 /// Time of a frame that the processor worked on it: all of it but the wait for the device. The mirror has no device.
 fn cpu_ms(times: &FrameTimes) -> f64 {
-    times.cut_ms + times.pack_ms + times.upload_ms + times.submit_ms
+    times.cut_ms + times.pack_ms + times.upload_ms + times.submit_ms + times.host.look_ms
 }
 
 fn put_times(row: &mut ChartRow, times: &[FrameTimes]) {

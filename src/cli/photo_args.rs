@@ -4,6 +4,7 @@ use super::progress::JobBar;
 use super::{CommandFailure, say, usage};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 use surfel::OpenedModel;
 use surfel::math::camera::{Camera, View};
 use surfel::photos::formats::read_scene;
@@ -136,15 +137,22 @@ impl StagedScene {
 
     /// Photographs that are chosen for a view, decoded whole.
     pub(crate) fn frame(&mut self, view: &View) -> Arc<FramePhotos> {
+        self.timed_frame(view).0
+    }
+
+    /// Photographs as [`frame`](Self::frame) gives them, and how long choosing them took, milliseconds.
+    pub(crate) fn timed_frame(&mut self, view: &View) -> (Arc<FramePhotos>, f64) {
         let settings = LookSettings::default();
         let chosen = self.stage.frame(view, &settings, &|_| true, &self.last);
         for remark in (self.stage).load_whole(&self.scene, &chosen, LONGEST_SIDE) {
             say(&format!("surfel: warning: {remark}"));
         }
+        let start = Instant::now();
         let frame = self.stage.frame(view, &settings, &|_| true, &self.last);
+        let ms = start.elapsed().as_secs_f64() * 1e3;
         self.last = (frame.photos.iter())
             .map(|own| own.photo.index as usize)
             .collect();
-        Arc::new(frame)
+        (Arc::new(frame), ms)
     }
 }

@@ -6,6 +6,7 @@ use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use surfel::chart::plot::walk::{WalkLine, walk_svg};
 use surfel::image::FloatImage;
 use surfel::math::camera::Camera;
 use surfel::photos::check::{SceneCheck, check_scene};
@@ -16,13 +17,15 @@ use surfel::photos::report::{picture_file, score_json, score_page, score_text};
 use surfel::photos::scene::{CalibratedCamera, PhotoScene};
 use surfel::photos::score::{PhotoJudge, ladder};
 use surfel::photos::session::{PhotoChoice, PhotoSession, SessionOptions};
+use surfel::photos::stage::PhotoStage;
 use surfel::photos::surface::{SurfaceDrawer, calibrated_camera};
+use surfel::photos::walk::{PhotoWalk, WalkFigures, WalkStep, walk_cameras, walk_csv};
 use surfel::tree::Model;
 
 /// Photographs on a mesh: draw it with them, or measure how well they predict one that is left out.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  surfel photos score castle --mesh castle/mesh.ply -o scores\n  surfel photos render castle --mesh castle/mesh.ply --camera-of 3 --leave-out -o picture.png\n  surfel info castle                   cameras, and whether their conventions are right"
+    after_help = "Examples:\n  surfel photos score castle --mesh castle/mesh.ply -o scores\n  surfel photos render castle --mesh castle/mesh.ply --camera-of 3 --leave-out -o picture.png\n  surfel photos walk castle --mesh castle/mesh.ply -o walk.svg\n  surfel info castle                   cameras, and whether their conventions are right"
 )]
 pub(crate) struct PhotosArgs {
     #[command(subcommand)]
@@ -35,6 +38,8 @@ enum PhotosCommand {
     Score(ScoreArgs),
     /// Draw the mesh with photographs on it
     Render(PhotoRenderArgs),
+    /// Measure how much the picture changes on the way from photograph to photograph, beside a fixed texture
+    Walk(WalkArgs),
 }
 
 /// A scene with its mesh.
@@ -69,6 +74,21 @@ struct ScoreArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct WalkArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Frames of the walk, evenly on the way through all poses
+    #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    frames: u32,
+    /// Longest side of pictures, pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = 500, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    side: u32,
+    /// Every step: .csv, .svg or .png
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]
@@ -124,6 +144,7 @@ pub(crate) fn run(args: PhotosArgs, quiet: bool) -> Outcome {
     match args.command {
         PhotosCommand::Score(args) => score(args, quiet),
         PhotosCommand::Render(args) => render(args, quiet),
+        PhotosCommand::Walk(args) => walk(args, quiet),
     }
 }
 
@@ -287,6 +308,73 @@ fn render(args: PhotoRenderArgs, quiet: bool) -> Outcome {
         ..FloatImage::default()
     };
     Ok(image.to_image().save_png(&args.output)?)
+}
+
+fn walk(args: WalkArgs, quiet: bool) -> Outcome {
+    let endings = &["csv", "svg", "png"];
+    super::render::require_ending("--output", args.output.as_ref(), endings)?;
+    super::check_outputs(&args.output.iter().collect::<Vec<_>>(), &args.scene.mesh)?;
+    let (scene, model) = args.scene.open(quiet)?;
+    let backend = args.scene.device.open()?;
+    let drawer = SurfaceDrawer::new(&backend, &model);
+    let most = args.scene.most as usize;
+    // Twice the picture: levels beyond are seen by nobody.
+    let longest_side = 2 * args.side;
+    let bar = JobBar::new(quiet);
+    let (mut stage, remarks) = PhotoStage::load(&scene, &drawer, most, longest_side, &bar)?;
+    for remark in remarks {
+        say(&format!("surfel: warning: {remark}"));
+    }
+    let mut walk = PhotoWalk {
+        scene: &scene,
+        model: &model,
+        stage: &mut stage,
+        backend: &backend,
+        longest_side,
+        settings: LookSettings::default(),
+    };
+    let cameras = walk_cameras(&walk.poses(), args.frames as usize, args.side);
+    let steps = walk.measure(&cameras, &bar)?;
+    drop(bar);
+    let found = WalkFigures::of(&steps);
+    if let Some(path) = &args.output {
+        let ending = path.extension().map(|e| e.to_ascii_lowercase());
+        if ending.is_some_and(|e| e == "csv") {
+            write_text(path, &walk_csv(&steps))?;
+        } else {
+            super::reproduce::write_chart(path, &walk_chart(&steps, &found))?;
+        }
+    }
+    print(&format!(
+        "{} steps, mean FLIP from frame to frame: at most {:.4} by view (after frame {}), {:.4} with a fixed texture: {:.2} times; in one step at most {:.2} times\n",
+        steps.len(),
+        found.largest_by_view,
+        found.worst_frame,
+        found.largest_fixed,
+        found.ratio,
+        found.step_ratio
+    ))
+}
+
+fn walk_chart(steps: &[WalkStep], found: &WalkFigures) -> String {
+    let line = |name: &str, of: fn(&WalkStep) -> f64| WalkLine {
+        name: name.into(),
+        values: steps.iter().map(of).collect(),
+    };
+    let lines = [
+        line("photographs by view", |step| step.by_view),
+        line("a fixed texture", |step| step.fixed),
+    ];
+    let exchanges = steps
+        .iter()
+        .enumerate()
+        .filter(|(_, step)| step.exchanged > 0);
+    let exchanges: Vec<usize> = exchanges.map(|(step, _)| step).collect();
+    let title = format!(
+        "Change from frame to frame: the largest is {:.2} times that of a fixed texture",
+        found.ratio
+    );
+    walk_svg(&title, "mean FLIP", &lines, &exchanges)
 }
 
 /// Prints what is in a scene of photographs.

@@ -3,6 +3,7 @@
 use super::cameras::{CameraArgs, orbit_cameras, parse_orbit};
 use super::costs::costs_of;
 use super::look::LookArgs;
+use super::photo_args::{PhotoArgs, StagedScene};
 use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::source::ModelArgs;
@@ -12,11 +13,14 @@ use super::{CommandFailure, Outcome, bytes, count, print, say, usage, write_text
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use surfel::OpenedModel;
+use surfel::math::camera::View;
 use surfel::measure::ValueDistribution;
 use surfel::measure::profile::{FrameProfile, ProfilePlan, ProfileProof};
 use surfel::measure::report::ProfileReport;
 use surfel::progress::Progress;
+use surfel::projective::frame_photos::FramePhotos;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::Engine;
 
@@ -60,6 +64,8 @@ pub(crate) struct ProfileArgs {
     #[command(flatten)]
     look: LookArgs,
     #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -93,7 +99,8 @@ impl ProfileArgs {
 
 pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
     args.check()?;
-    let settings = args.look.settings()?;
+    let settings = args.photos.shown(args.look.settings()?);
+    let of_photos = args.photos.read()?;
     let camera = args.camera.read()?;
     let ready = args.source.open(quiet)?;
     let cameras = match camera {
@@ -115,9 +122,13 @@ pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
     engine.build_patches(&settings, &JobBar::new(quiet))?;
     make_even_splats(&engine, &settings, quiet)?;
     engine.set_costs(costs_of(&backend, &[settings]));
+    let most = args.photos.most();
+    let staged = of_photos.map(|scene| StagedScene::new(scene, &ready, &backend, most, quiet));
+    let (photos, choice_ms) = chosen_photos(staged.transpose()?, &views);
     let plan = ProfilePlan {
         views: &views,
         settings: &settings,
+        photos: &photos,
         warm_up: args.warm_up,
     };
     let bar = JobBar::new(quiet);
@@ -125,7 +136,8 @@ pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
     let proof = ProfileProof::of(&backend)?;
     let profile = FrameProfile::run(&backend, &mut engine, &plan, proof, &bar)?;
     drop(bar);
-    let report = ProfileReport::of(&profile);
+    let mut report = ProfileReport::of(&profile);
+    report.photo_choice_ms = (!choice_ms.is_empty()).then(|| ValueDistribution::of(&choice_ms));
     for warning in &report.warnings {
         say(&format!("surfel: warning: {warning}"));
     }
@@ -172,6 +184,15 @@ pub(crate) fn run(args: ProfileArgs, quiet: bool) -> Outcome {
         print(&(head + &table(&ready, &profile, &report)))?;
     }
     validated(&backend)
+}
+
+/// Photographs of each view and how long choosing them took, milliseconds; nothing without a scene.
+fn chosen_photos(staged: Option<StagedScene>, views: &[View]) -> (Vec<Arc<FramePhotos>>, Vec<f64>) {
+    let chosen = staged.map(|mut staged| {
+        let of_view = |view| staged.timed_frame(view);
+        views.iter().map(of_view).unzip()
+    });
+    chosen.unwrap_or_default()
 }
 
 /// The name that a setting has in JSON.
@@ -274,6 +295,9 @@ fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) ->
     t.text("CPU, share of the frame");
     for stage in &report.cpu {
         t.ms(&format!("  {}", stage.name), &stage.ms, Some(stage.share));
+    }
+    if let Some(choice) = &report.photo_choice_ms {
+        t.ms("choice of photographs, before the frame", choice, None);
     }
     match &report.frame.device_ms {
         Some(device) => {

@@ -166,7 +166,7 @@ fn has_end(path: &Path, end: &str) -> bool {
 }
 
 /// Writes a chart as its file's name asks for.
-fn write_chart(path: &Path, svg: &str) -> Outcome {
+pub(super) fn write_chart(path: &Path, svg: &str) -> Outcome {
     if has_end(path, "png") {
         return Ok(pixels(svg, 1.5)?.save_png(path)?);
     }

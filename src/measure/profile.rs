@@ -12,6 +12,7 @@ use crate::gpu::frame::{FrameMeasure, PassCounters};
 use crate::gpu::profile::{CounterTest, SelfTest, counter_test, self_test};
 use crate::math::camera::View;
 use crate::progress::Progress;
+use crate::projective::frame_photos::FramePhotos;
 use crate::render::Settings;
 use crate::render::engine::{Backend, Engine};
 use crate::render::stats::FrameTimes;
@@ -36,8 +37,20 @@ pub struct ProfilePlan<'a> {
     pub views: &'a [View],
     /// How they are drawn.
     pub settings: &'a Settings,
+    /// Photographs of each view, where settings show any; else empty.
+    pub photos: &'a [Arc<FramePhotos>],
     /// Frames of the first view that go before, of each kind, and do not count.
     pub warm_up: u32,
+}
+
+impl ProfilePlan<'_> {
+    /// Puts the photographs of a view on the surface, where there are any.
+    fn show_photos(&self, engine: &mut Engine<'_>, view: usize) -> Result<(), crate::gpu::Error> {
+        match self.photos.get(view) {
+            Some(photos) => engine.set_photos(Some(photos.clone())),
+            None => Ok(()),
+        }
+    }
 }
 
 /// One view, measured.
@@ -155,6 +168,7 @@ impl FrameProfile {
             views,
             settings,
             warm_up,
+            ..
         } = *plan;
         let timed = FrameMeasure {
             passes: true,
@@ -164,6 +178,7 @@ impl FrameProfile {
         let plain = FrameMeasure::default();
         progress.stage("time", views.len() as u64);
         if let Some(view) = views.first() {
+            plan.show_photos(engine, 0)?;
             for measure in [timed, plain] {
                 engine.measure(measure)?;
                 for _ in 0..warm_up {
@@ -185,6 +200,7 @@ impl FrameProfile {
                 counters: Vec::new(),
                 covered_pixels: 0,
             };
+            plan.show_photos(engine, index)?;
             let mut order = [timed, plain];
             // Whoever goes second finds the caches warm.
             if index % 2 == 1 {
@@ -224,6 +240,7 @@ impl FrameProfile {
             if progress.is_cancelled() {
                 return Err(ProfileError::Cancelled(index));
             }
+            plan.show_photos(engine, index)?;
             sample.counters = engine.draw(view, settings)?.counters;
             let image = engine.read(view)?;
             let covered = image.color.iter().filter(|c| c[3] > 0).count();

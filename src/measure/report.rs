@@ -136,6 +136,9 @@ pub struct ProfileReport {
     pub passes: Vec<PassReport>,
     /// Each stage on the CPU, in order.
     pub cpu: Vec<StageReport>,
+    /// Choosing the photographs of a view, milliseconds, which is no part of a frame; `None` without photographs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub photo_choice_ms: Option<ValueDistribution>,
     /// What was drawn.
     pub counts: CountReport,
     /// What was moved.
@@ -198,6 +201,7 @@ impl ProfileReport {
             },
             passes: passes(profile),
             cpu,
+            photo_choice_ms: None,
             counts: CountReport {
                 nodes_visited: count(|t| t.counts.nodes_visited),
                 splats: count(|t| t.counts.splats),

@@ -22,12 +22,13 @@ pub const DECODE_BYTES: u64 = 1 << 30;
 pub const THUMBNAIL_PART: u32 = 8;
 
 /// The pixels of a decoded picture.
-fn pixels_of(picture: &DynamicImage) -> PhotoPixels {
-    let rgb = picture.to_rgb8();
+fn pixels_of(picture: DynamicImage) -> PhotoPixels {
+    let rgb = picture.into_rgb8();
+    let (texels, _) = rgb.as_raw().as_chunks::<3>();
     PhotoPixels {
         width: rgb.width(),
         height: rgb.height(),
-        rgb: rgb.pixels().map(|pixel| pixel.0).collect(),
+        rgb: texels.to_vec(),
     }
 }
 
@@ -79,7 +80,7 @@ pub fn decode_photo(
         let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
         let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| e.to_string())?;
         turn(&mut picture, orientation, [width, height], calibrated)?;
-        Ok(pixels_of(&picture))
+        Ok(pixels_of(picture))
     })
 }
 
@@ -125,7 +126,7 @@ pub fn decode_thumbnail(
             ::image::RgbImage::from_raw(size[0], size[1], rgb).ok_or("it has too few pixels")?;
         let mut picture = DynamicImage::from(picture);
         turn(&mut picture, orientation, [width, height], calibrated)?;
-        Ok(Some(pixels_of(&picture)))
+        Ok(Some(pixels_of(picture)))
     })?;
     match small {
         Some(pixels) => Ok(pixels),

@@ -6,6 +6,7 @@
 //! are of encoded values: a power of linear light is a factor of these too.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Common places of two photographs below which they say nothing of each other.
 const FEWEST_COMMON: usize = 20;
@@ -16,8 +17,14 @@ const MOST_COMMON: usize = 4000;
 /// Weight of a gain of 1, in places: keeps photographs without neighbors as they are.
 const PRIOR: f64 = 1.0;
 
-/// Rounds of Gauss-Seidel.
+/// Keeps the part of a photograph in its own pose finite: all others together have less than a twentieth of it.
+const LEAST_APART: f64 = 1e-3;
+
+/// Rounds of Gauss-Seidel, at most.
 const ROUNDS: usize = 500;
+
+/// Change of every logarithm in a round below which there is no other: a thousandth of a level.
+const SMALLEST_MOVE: f64 = 4e-6;
 
 /// Largest factor either way.
 const LARGEST: f64 = 4.0;
@@ -27,23 +34,25 @@ const USABLE: [f32; 2] = [0.03, 0.97];
 
 /// The gains of photographs whose colors at the same places are `colors[photo][place]`; `None` where a photograph does not
 /// show the place. Their geometric mean is 1, and 1 is the gain of a photograph that shares too little.
-pub fn exposure_gains(colors: &[Vec<Option<Vec3>>]) -> Vec<Vec3> {
+pub fn exposure_gains<C: AsRef<[Option<Vec3>]> + Sync>(colors: &[C]) -> Vec<Vec3> {
     let count = colors.len();
     let mut gains = vec![Vec3::ONE; count];
     for channel in 0..3 {
         // Of each pair i < j: the median of log ratios, and how many.
-        let mut pairs = Vec::new();
-        for i in 0..count {
-            for j in i + 1..count {
-                if let Some((ratio, weight)) = median_ratio([&colors[i], &colors[j]], channel) {
-                    pairs.push(PairRatio {
-                        photos: [i, j],
-                        ratio,
-                        weight,
-                    });
-                }
-            }
-        }
+        let of_first = |i: usize| -> Vec<PairRatio> {
+            let of_pair = |j: usize| {
+                let (ratio, weight) =
+                    median_ratio([colors[i].as_ref(), colors[j].as_ref()], channel)?;
+                Some(PairRatio {
+                    photos: [i, j],
+                    ratio,
+                    weight,
+                })
+            };
+            (i + 1..count).filter_map(of_pair).collect()
+        };
+        let pairs: Vec<Vec<PairRatio>> = (0..count).into_par_iter().map(of_first).collect();
+        let pairs = pairs.concat();
         let logs = solve(count, &pairs);
         for (gain, log) in gains.iter_mut().zip(logs) {
             gain[channel] = log.exp().clamp(1.0 / LARGEST, LARGEST) as f32;
@@ -52,8 +61,18 @@ pub fn exposure_gains(colors: &[Vec<Option<Vec3>>]) -> Vec<Vec3> {
     gains
 }
 
+/// Part that a photograph of this worth at a place has in the exposure of a view. Worth falls with the square of the angle to
+/// the nearest ray, this with the angle alone: on the way between two photographs the exposure goes over evenly, while in a
+/// photograph's own pose it still is its own.
+pub(crate) fn exposure_part(worth: f32) -> f64 {
+    match worth > 0.0 {
+        true => 1.0 / ((1.0 / f64::from(worth) - 1.0).max(0.0) + LEAST_APART).sqrt(),
+        false => 0.0,
+    }
+}
+
 /// Median of log(second / first) and the number of places.
-fn median_ratio(pair: [&Vec<Option<Vec3>>; 2], channel: usize) -> Option<(f64, f64)> {
+fn median_ratio(pair: [&[Option<Vec3>]; 2], channel: usize) -> Option<(f64, f64)> {
     let usable = |v: f32| v > USABLE[0] && v < USABLE[1];
     let mut ratios: Vec<f64> = (pair[0].iter().zip(pair[1]))
         .filter_map(|(a, b)| {
@@ -71,6 +90,7 @@ fn median_ratio(pair: [&Vec<Option<Vec3>>; 2], channel: usize) -> Option<(f64, f
 }
 
 /// Ratio of the colors of two photographs.
+#[derive(Clone, Copy)]
 struct PairRatio {
     photos: [usize; 2],
     /// Median of log(second / first).
@@ -82,21 +102,27 @@ struct PairRatio {
 /// Logarithms of the gains, with mean 0.
 fn solve(count: usize, pairs: &[PairRatio]) -> Vec<f64> {
     let mut logs = vec![0.0; count];
+    // Of each photograph the others, what its logarithm is above theirs, and how many places say so: g_i - g_j = ratio brings
+    // both to one value.
+    let mut others: Vec<Vec<(usize, f64, f64)>> = vec![Vec::new(); count];
+    for pair in pairs {
+        let [i, j] = pair.photos;
+        others[i].push((j, pair.ratio, pair.weight));
+        others[j].push((i, -pair.ratio, pair.weight));
+    }
     for _ in 0..ROUNDS {
+        let mut moved = 0.0_f64;
         for photo in 0..count {
             let (mut sum, mut weights) = (0.0, PRIOR);
-            for pair in pairs {
-                // g_i - g_j = ratio brings both to one value.
-                let [i, j] = pair.photos;
-                let wanted = match photo {
-                    _ if photo == i => logs[j] + pair.ratio,
-                    _ if photo == j => logs[i] - pair.ratio,
-                    _ => continue,
-                };
-                sum += pair.weight * wanted;
-                weights += pair.weight;
+            for (other, ratio, weight) in &others[photo] {
+                sum += weight * (logs[*other] + ratio);
+                weights += weight;
             }
+            moved = moved.max((sum / weights - logs[photo]).abs());
             logs[photo] = sum / weights;
+        }
+        if moved < SMALLEST_MOVE {
+            break;
         }
     }
     let is_tied = |photo: usize| pairs.iter().any(|pair| pair.photos.contains(&photo));
@@ -152,13 +178,34 @@ mod tests {
     }
 
     #[test]
+    fn exposure_goes_over_evenly_between_two_poses() {
+        // Rays from the way between two poses, 0.2 apart: worth by half the square of the angle.
+        let worth = |angle: f64| (1e-4 / (1e-4 + 0.5 * angle * angle)) as f32;
+        let share = |at: f64| {
+            let [first, second] = [at, 0.2 - at].map(|angle| exposure_part(worth(angle)));
+            first / (first + second)
+        };
+        assert!(share(0.0) > 0.99 && share(0.2) < 0.01, "{}", share(0.0));
+        for step in 1..20 {
+            let at = 0.01 * f64::from(step);
+            assert!(
+                (share(at) - (1.0 - at / 0.2)).abs() < 0.01,
+                "{at}: {}",
+                share(at)
+            );
+        }
+        assert_eq!(exposure_part(0.0), 0.0);
+        assert!(exposure_part(1e-6) < 1e-2);
+    }
+
+    #[test]
     fn a_photograph_that_shares_nothing_keeps_its_colors() {
         let dark = vec![Some(Vec3::splat(0.2)); 50];
         let light = vec![Some(Vec3::splat(0.4)); 50];
         let gains = exposure_gains(&[dark, light, vec![None; 50]]);
         assert_eq!(gains[2], Vec3::ONE);
         assert!((gains[0].x / gains[1].x - 2.0).abs() < 0.05, "{gains:?}");
-        assert!(exposure_gains(&[]).is_empty());
+        assert!(exposure_gains::<&[_]>(&[]).is_empty());
         // Clipped places say nothing.
         let clipped = vec![Some(Vec3::ONE); 50];
         assert_eq!(exposure_gains(&[clipped.clone(), clipped]), [Vec3::ONE; 2]);

@@ -7,7 +7,7 @@
 //! photographs for a frame, with directions corrected by [`hull`]; [`look`] gives each pixel its color from them, with
 //! visibility by [`depth_map`] and exposures by [`gains`]. [`session`] holds what is loaded and drawn once,
 //! [`stage`] has photographs for any view without a picture of it, and [`photo_loader`] brings them there on other threads. [`score`] leaves
-//! one photograph out and predicts it from the others.
+//! one photograph out and predicts it from the others; [`walk`] measures how much the picture changes on the way between them.
 
 pub use crate::projective::{depth_map, lens, look, projected, pyramid};
 
@@ -28,3 +28,4 @@ pub mod score;
 pub mod session;
 pub mod stage;
 pub mod surface;
+pub mod walk;

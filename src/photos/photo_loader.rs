@@ -1,10 +1,11 @@
 //! Photographs of a scene on threads of their own: thumbnails with depth maps first, whole photographs as they are wanted.
 //!
-//! One thread readies all photographs, one after the other. Others decode whole ones: what is wanted is a list that is replaced
-//! from view to view, so that nobody waits for what is wanted no more.
+//! Some threads ready all photographs, those nearest to the eye first. Others decode whole ones: what is wanted is a list that
+//! is replaced from view to view, so that nobody waits for what is wanted no more.
 
 use crate::photos::error::PhotoError;
 use crate::photos::formats::read_scene;
+use crate::photos::gains::exposure_gains;
 use crate::photos::library::{load_photo, load_thumbnail};
 use crate::photos::prepared::PreparedPhoto;
 use crate::photos::pyramid::PhotoPyramid;
@@ -13,6 +14,7 @@ use crate::photos::stage::{StageModel, StagedPhoto};
 use crate::photos::surface::SurfaceDrawer;
 use crate::render::engine::Backend;
 use crate::tree::Model;
+use glam::{DVec3, Vec3};
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -21,6 +23,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 /// Threads that decode whole photographs.
 const DECODERS: usize = 2;
 
+/// Threads that ready photographs.
+const READIERS: usize = 2;
+
 /// Something that was loaded.
 #[derive(Debug)]
 pub enum PhotoArrival {
@@ -28,8 +33,8 @@ pub enum PhotoArrival {
     Scene(Arc<PhotoScene>, StageModel),
     /// A photograph with a thumbnail.
     Ready(usize, StagedPhoto),
-    /// All photographs have been looked at.
-    AllReady,
+    /// All photographs have been looked at: gains of those that are there, by their index in the scene.
+    AllReady(Vec<(usize, Vec3)>),
     /// The pixels of a whole photograph.
     Whole(usize, Arc<PhotoPyramid>),
     /// A photograph that cannot be used, with a sentence.
@@ -45,11 +50,20 @@ struct WantedPhotos {
     is_cancelled: bool,
 }
 
+/// Photographs that nobody readies yet.
+#[derive(Debug, Default)]
+struct UnreadyPhotos {
+    indices: Vec<usize>,
+    /// Eye of who looks, world space.
+    eye: Option<DVec3>,
+}
+
 /// What the threads share.
 #[derive(Debug, Default)]
 struct LoaderShare {
     wanted: Mutex<WantedPhotos>,
     changed: Condvar,
+    unready: Mutex<UnreadyPhotos>,
 }
 
 impl LoaderShare {
@@ -59,6 +73,23 @@ impl LoaderShare {
 
     fn is_cancelled(&self) -> bool {
         self.lock().is_cancelled
+    }
+
+    fn lock_unready(&self) -> MutexGuard<'_, UnreadyPhotos> {
+        self.unready.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The photograph to ready next: the nearest to the eye, else the first; `None` after the last.
+    fn next_unready(&self, scene: &PhotoScene) -> Option<usize> {
+        let mut unready = self.lock_unready();
+        let eye = unready.eye;
+        let away = |index: &usize| match eye {
+            Some(eye) => scene.photos[*index].camera.center.distance_squared(eye),
+            None => 0.0,
+        };
+        let all = unready.indices.iter().enumerate();
+        let (at, _) = all.min_by(|a, b| away(a.1).total_cmp(&away(b.1)))?;
+        Some(unready.indices.remove(at))
     }
 
     /// The next that is wanted, waited for; `None` once cancelled.
@@ -87,6 +118,8 @@ pub struct PhotoRequest {
     pub model: Arc<Model>,
     /// Longest side of photographs in memory, pixels.
     pub longest_side: u32,
+    /// Eye at first, world space.
+    pub eye: Option<DVec3>,
 }
 
 /// Loads the photographs of one scene. Dropping it ends its threads once they have finished what they do.
@@ -104,6 +137,7 @@ impl PhotoLoader {
     /// When the system has no thread left.
     pub fn start(request: PhotoRequest) -> std::io::Result<Self> {
         let share = Arc::new(LoaderShare::default());
+        share.lock_unready().eye = request.eye;
         let (sender, arrivals) = channel();
         let of_thread = share.clone();
         std::thread::Builder::new()
@@ -123,6 +157,11 @@ impl PhotoLoader {
         wanted.queue = indices.into_iter().collect();
         drop(wanted);
         self.share.changed.notify_all();
+    }
+
+    /// Notes where somebody looks from, world space: photographs nearby come first.
+    pub fn look_from(&self, eye: DVec3) {
+        self.share.lock_unready().eye = Some(eye);
     }
 
     /// What has come next; waits for it where `waits`. `None` where nothing has, or nothing will any more.
@@ -176,19 +215,56 @@ fn load(request: &PhotoRequest, share: &Arc<LoaderShare>, sender: &Sender<PhotoA
             tracing::warn!("photographs stay small: {error}");
         }
     }
+    share.lock_unready().indices = (0..scene.photos.len()).collect();
+    let all = || ready_all(&scene, request, share, sender);
+    let mut there = std::thread::scope(|scope| {
+        let others: Vec<_> = (1..READIERS)
+            .filter_map(|_| {
+                let builder = std::thread::Builder::new().name("photographs".into());
+                builder.spawn_scoped(scope, all).ok()
+            })
+            .collect();
+        let mut there = all();
+        // One that panicked leaves out what it had.
+        there.extend(
+            others
+                .into_iter()
+                .filter_map(|own| own.join().ok())
+                .flatten(),
+        );
+        there
+    });
+    if share.is_cancelled() {
+        return;
+    }
+    there.sort_unstable_by_key(|(index, _)| *index);
+    let colors: Vec<&[_]> = there.iter().map(|(_, own)| own.colors.as_slice()).collect();
+    let gains = exposure_gains(&colors);
+    let indices = there.iter().map(|(index, _)| *index);
+    let _ = sender.send(PhotoArrival::AllReady(indices.zip(gains).collect()));
+}
+
+/// Readies photographs as long as there are any, and gives those that can be used.
+fn ready_all(
+    scene: &PhotoScene,
+    request: &PhotoRequest,
+    share: &LoaderShare,
+    sender: &Sender<PhotoArrival>,
+) -> Vec<(usize, Arc<PreparedPhoto>)> {
     let drawer = SurfaceDrawer::new(&Backend::Cpu, &request.model);
-    for index in 0..scene.photos.len() {
-        if share.is_cancelled() {
-            return;
-        }
-        let arrival = match ready(&scene, index, &drawer, request.longest_side) {
-            Ok(Some(photo)) => PhotoArrival::Ready(index, photo),
+    let mut there = Vec::new();
+    while let (false, Some(index)) = (share.is_cancelled(), share.next_unready(scene)) {
+        let arrival = match ready(scene, index, &drawer, request.longest_side) {
+            Ok(Some(photo)) => {
+                there.push((index, photo.prepared.clone()));
+                PhotoArrival::Ready(index, photo)
+            }
             Ok(None) => continue,
             Err(error) => PhotoArrival::Unusable(index, error.to_string()),
         };
         let _ = sender.send(arrival);
     }
-    let _ = sender.send(PhotoArrival::AllReady);
+    there
 }
 
 fn ready(

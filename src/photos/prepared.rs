@@ -99,6 +99,11 @@ impl PreparedPhoto {
         })
     }
 
+    /// Tells whether the photograph shows any of the model. The hull knows vertices alone: none of a large triangle may lie in it.
+    pub fn shows_model(&self) -> bool {
+        self.projected.area > 0.0 || self.depth.depth.iter().any(|depth| depth.is_finite())
+    }
+
     /// As the look takes it, without pixels and mask: for weights alone.
     pub fn without_pixels<'a>(&'a self, nothing: &'a PhotoPyramid) -> LookPhoto<'a> {
         LookPhoto {

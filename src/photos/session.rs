@@ -4,7 +4,7 @@ use crate::photos::choose::{
     cluster_normals, most_worth, nearest_directions, supplementary_photos, view_direction,
 };
 use crate::photos::error::PhotoError;
-use crate::photos::gains::exposure_gains;
+use crate::photos::gains::{exposure_gains, exposure_part};
 use crate::photos::library::PhotoLibrary;
 use crate::photos::look::{
     LookPhoto, LookPixel, LookSettings, LookView, PhotoDirection, SurfacePixel, WeightForm,
@@ -143,7 +143,7 @@ impl<'m> PhotoSession<'m> {
             .ready
             .iter()
             .flatten()
-            .all(|ready| ready.projected.area == 0.0)
+            .all(|ready| !ready.shows_model())
         {
             return Err(PhotoError::Usage(format!(
                 "{}: no photograph shows the model; mesh and cameras are in different frames",
@@ -203,7 +203,7 @@ impl<'m> PhotoSession<'m> {
         let places = places_of(surface);
         let (mut logs, mut weights) = (DVec3::ZERO, 0.0);
         for pixel in &places {
-            let of = |index: &usize| f64::from(self.worth(*index, pixel, view, settings));
+            let of = |index: &usize| exposure_part(self.worth(*index, pixel, view, settings));
             let worth: Vec<f64> = photos.iter().map(of).collect();
             let all: f64 = worth.iter().sum();
             if all > 0.0 {

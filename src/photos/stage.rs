@@ -9,7 +9,7 @@ use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::photos::choose::{most_worth, view_direction};
 use crate::photos::error::PhotoError;
-use crate::photos::gains::exposure_gains;
+use crate::photos::gains::{exposure_gains, exposure_part};
 use crate::photos::library::{load_photo, load_thumbnail};
 use crate::photos::look::{LookSettings, LookView, SurfacePixel, photo_weight};
 use crate::photos::prepared::{PreparedPhoto, used_vertices};
@@ -232,7 +232,7 @@ impl PhotoStage {
         let mut there = self.photos.iter().flatten().peekable();
         let cause = if there.peek().is_none() {
             "no photograph is there or can be decoded; name the folder with the photographs"
-        } else if there.all(|photo| photo.prepared.projected.area == 0.0) {
+        } else if there.all(|photo| !photo.prepared.shows_model()) {
             "no photograph shows the model; mesh and cameras are in different frames"
         } else {
             return Ok(());
@@ -328,10 +328,19 @@ impl PhotoStage {
             .filter(|i| self.photos[*i].is_some())
             .collect();
         let colors: Vec<_> = (there.iter())
-            .filter_map(|i| Some(self.photos[*i].as_ref()?.prepared.colors.clone()))
+            .filter_map(|i| Some(self.photos[*i].as_ref()?.prepared.colors.as_slice()))
             .collect();
-        for (index, gain) in there.into_iter().zip(exposure_gains(&colors)) {
-            self.gains[index] = gain;
+        let gains: Vec<(usize, Vec3)> =
+            there.iter().copied().zip(exposure_gains(&colors)).collect();
+        self.set_gains(&gains);
+    }
+
+    /// Sets gains of photographs, by their index in the scene, that [`exposure_gains`] found.
+    pub fn set_gains(&mut self, gains: &[(usize, Vec3)]) {
+        for (index, gain) in gains {
+            if let Some(own) = self.gains.get_mut(*index) {
+                *own = *gain;
+            }
         }
     }
 
@@ -426,7 +435,7 @@ impl PhotoStage {
         let places = worth.first().map_or(0, Vec::len);
         let (mut logs, mut weights) = (DVec3::ZERO, 0.0);
         (0..places).for_each(|place| {
-            let of = |own: &usize| f64::from(worth[*own][place]);
+            let of = |own: &usize| exposure_part(worth[*own][place]);
             let all: f64 = chosen.iter().map(of).sum();
             if all > 0.0 {
                 for own in chosen {

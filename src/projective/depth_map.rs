@@ -25,10 +25,10 @@ const EDGE_STEP: f32 = 0.01;
 pub const EDGE_TEXELS: f32 = 4.0;
 
 /// Part of the depth that a surface may lie behind the map.
-const RELATIVE_BIAS: f32 = 0.002;
+pub(crate) const RELATIVE_BIAS: f32 = 0.002;
 
 /// Part of a weight that is left at an edge: where no other photograph sees a place, it still is the best.
-const LEAST_AT_EDGE: f32 = 0.02;
+pub(crate) const LEAST_AT_EDGE: f32 = 0.02;
 
 /// Depth of a model as a photograph's pinhole camera sees it.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -4,6 +4,7 @@ use crate::projective::depth_map::PhotoDepth;
 use crate::projective::look::{LookPhoto, LookSettings};
 use crate::projective::projected::ProjectedPhoto;
 use crate::projective::pyramid::PhotoPyramid;
+use crate::projective::surface_rays::SurfaceRays;
 use std::sync::Arc;
 
 /// Photographs that a frame uses at most.
@@ -68,6 +69,22 @@ impl FramePhotos {
         (x < compared.part * width as f32)
             .then(|| self.photos.get(compared.list_index as usize))
             .flatten()
+    }
+
+    /// Color of the photograph that is laid over a picture of `width` columns, at a position in pixels; `None` where none is or
+    /// it does not reach.
+    pub fn compared_color(
+        &self,
+        rays: &SurfaceRays,
+        [x, y]: [f32; 2],
+        width: u32,
+    ) -> Option<[f32; 3]> {
+        let chosen = self.compared_at(x, width)?;
+        let place = chosen
+            .photo
+            .place(chosen.photo.center + rays.direction(x, y))?;
+        let at = (place.pixel / chosen.photo.size).to_array();
+        Some(chosen.pixels.sample(at, 0.0))
     }
 }
 

@@ -141,17 +141,17 @@ struct PixelCandidate {
 }
 
 /// Candidates that compete at a pixel.
-const CANDIDATES: usize = 6;
+pub(crate) const CANDIDATES: usize = 6;
 
 /// Photographs that are blended at most.
-const MOST_BLENDED: usize = 3;
+pub(crate) const MOST_BLENDED: usize = 3;
 
 /// Candidates of less than this part of the best one's weight do not count: they would change no color by a level.
-const LEAST_SHARE: f32 = 1.0 / 64.0;
+pub(crate) const LEAST_SHARE: f32 = 1.0 / 64.0;
 
 /// Half the square of the angle between rays (0.8 degrees) that counts as next to none: a photograph that looks along the very
 /// ray of the view outweighs all others, so that a photograph's own pose gives the photograph.
-const SAME_RAY: f32 = 1e-4;
+pub(crate) const SAME_RAY: f32 = 1e-4;
 
 /// Smoothstep from 0 at `from` to 1 at `to`.
 fn smooth(from: f32, to: f32, value: f32) -> f32 {
@@ -427,10 +427,10 @@ fn is_before(one: &PixelCandidate, other: &PixelCandidate) -> bool {
 }
 
 /// Power with which weights choose the color that others are compared with.
-const LEADING: i32 = 8;
+pub(crate) const LEADING: i32 = 8;
 
 /// Part of a weight that is left where as many weigh the same as are mixed.
-const LEAST_LEFT: f32 = 1e-3;
+pub(crate) const LEAST_LEFT: f32 = 1e-3;
 
 /// The color of the best few candidates. One that disagrees counts by the square of its part of the best weight: next to a
 /// border between choices both count alike, so that there is no seam, and away from it there is no ghost. What the first that
@@ -476,10 +476,10 @@ fn mixed(
 }
 
 /// Levels below the one whose texels are as large as pixels: a pyramid of boxes, blended between its levels, blurs.
-const SHARPER: f32 = 0.5;
+pub(crate) const SHARPER: f32 = 0.5;
 
 /// Levels above the one that fits at which photographs are compared: what is there, not how sharp it is.
-const COARSER: f32 = 2.0;
+pub(crate) const COARSER: f32 = 2.0;
 
 /// Multiplies each weight by the share of the others that show the same, and sorts again.
 fn agree(best: &mut [PixelCandidate], photos: &[LookPhoto<'_>], settings: &LookSettings) {

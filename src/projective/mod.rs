@@ -12,3 +12,4 @@ pub mod look;
 pub mod projected;
 pub mod pyramid;
 pub mod surface_rays;
+pub(crate) mod wide_look;

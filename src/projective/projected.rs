@@ -94,7 +94,8 @@ impl ProjectedPhoto {
         })
     }
 
-    fn bend(&self, ray: Vec2) -> Option<Vec2> {
+    /// The ray as the lens bends it; `None` beyond the lens.
+    pub(crate) fn bend(&self, ray: Vec2) -> Option<Vec2> {
         let lens = CameraLens {
             model: self.lens,
             coefficients: self.coefficients.map(f64::from),

@@ -28,22 +28,28 @@ impl PhotoPixels {
         self.rgb[y * self.width as usize + x]
     }
 
-    /// The picture at half the size, each pixel the mean of four; a last odd row or column is repeated.
+    /// The picture, which must not be empty, at half the size, each pixel the mean of four; a last odd row or column is repeated.
     #[must_use]
     pub fn halved(&self) -> Self {
         let (width, height) = (
             self.width.div_ceil(2).max(1),
             self.height.div_ceil(2).max(1),
         );
+        let mean = |four: [[u8; 3]; 4]| {
+            let sum = |c: usize| four.iter().map(|pixel| u16::from(pixel[c])).sum::<u16>();
+            [0, 1, 2].map(|c| ((sum(c) + 2) / 4) as u8)
+        };
         let mut rgb = Vec::with_capacity(width as usize * height as usize);
-        for y in 0..i64::from(height) {
-            for x in 0..i64::from(width) {
-                let four =
-                    [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| self.at(2 * x + i, 2 * y + j));
-                rgb.push([0, 1, 2].map(|c| {
-                    let sum: u32 = four.iter().map(|pixel| u32::from(pixel[c])).sum();
-                    ((sum + 2) / 4) as u8
-                }));
+        let row = self.width as usize;
+        for rows in self.rgb.chunks(2 * row) {
+            let (upper, lower) = rows.split_at(row);
+            // A last row is its own neighbor.
+            let lower = if lower.is_empty() { upper } else { lower };
+            let pairs = upper.chunks_exact(2).zip(lower.chunks_exact(2));
+            rgb.extend(pairs.map(|(above, below)| mean([above[0], above[1], below[0], below[1]])));
+            if row % 2 == 1 {
+                let [above, below] = [upper[row - 1], lower[row - 1]];
+                rgb.push(mean([above, above, below, below]));
             }
         }
         Self { width, height, rgb }

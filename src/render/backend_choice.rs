@@ -29,8 +29,8 @@ pub(crate) struct AvailableBackends {
 
 impl AvailableBackends {
     /// Chooses the backend of a frame of these settings, outputs and size, pixels. The processor comes first. Beside a
-    /// device it leaves frames to that for which somebody insists on a rasterizer, those that draw the whole mesh, those of
-    /// splats from vertices that are blended, and those with photographs.
+    /// device it leaves frames to that for which somebody insists on a rasterizer, those that draw the whole mesh without
+    /// photographs, and those of splats from vertices that are blended.
     ///
     /// # Errors
     /// [`Error::Unsupported`] when none can draw it, with the reason.
@@ -40,7 +40,7 @@ impl AvailableBackends {
         outputs: PictureOutputs,
         size: [u32; 2],
     ) -> Result<FrameBackend, Error> {
-        let is_left = self.has_device && (settings.shows_photos() || !is_usual(settings));
+        let is_left = self.has_device && !is_usual(settings);
         let reason = match self.has_cpu {
             false => Some("it is not asked for"),
             true if is_left => Some("it is left to the device"),
@@ -60,8 +60,9 @@ impl AvailableBackends {
 
 /// Tells whether the processor's renderer is the usual choice beside a device that is the processor itself, where it can.
 pub(crate) fn is_usual(settings: &Settings) -> bool {
+    // Photographs take longer than what they are put on, and the processor's renderer looks only where it must.
     settings.path == Path::Auto
-        && settings.has_lists()
+        && (settings.has_lists() || settings.shows_photos())
         && !Technique::blends_vertex_splats(settings)
 }
 
@@ -71,7 +72,7 @@ mod tests {
 
     use super::*;
     use crate::oriented::splats::SplatRules;
-    use crate::render::{Blend, Method, SplatKind};
+    use crate::render::{Blend, Method, PhotoDisplay, SplatKind};
 
     #[test]
     fn the_processor_draws_what_it_can_and_nobody_insists_on() {
@@ -92,6 +93,10 @@ mod tests {
         };
         let fuzzy = Settings {
             splat: SplatKind::Gauss,
+            ..plain
+        };
+        let photographed = Settings {
+            photos: PhotoDisplay::Color,
             ..plain
         };
         let (device, cpu, reference) = (
@@ -117,6 +122,15 @@ mod tests {
         };
         let chosen = of(true, true, false).choose(&flat, outputs, [100, 100]);
         assert_eq!(chosen.ok(), cpu);
+        // It puts photographs on the whole mesh, too.
+        let on_all = Settings {
+            method: Method::Triangles,
+            ..photographed
+        };
+        for settings in [photographed, on_all] {
+            let chosen = of(true, true, false).choose(&settings, outputs, [100, 100]);
+            assert_eq!(chosen.ok(), cpu);
+        }
         // Splats from vertices that are blended it draws where there is no device.
         let of_vertices = Settings {
             method: Method::Splats,

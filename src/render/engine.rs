@@ -3,7 +3,6 @@
 
 mod cpu_pictures;
 mod device_pictures;
-mod looked;
 mod patches;
 mod photos;
 mod picture_backend;
@@ -376,7 +375,7 @@ impl<'m> Engine<'m> {
             parts: DrawnParts::new(&parts).with_generation(generation),
             view,
             settings,
-            photos: photos.as_deref(),
+            photos: photos.as_ref(),
         };
         let done = work(self.backend(backend), frame);
         drop(parts);

@@ -1,13 +1,25 @@
-//! Photographs on the surface of a picture, on the processor: the mirror of `shaders/look/photos.frag`.
+//! Photographs on the surface of a picture of the reference, pixel by pixel: the mirror of `shaders/look/photos.frag`.
 
+use crate::gpu::Error;
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
 use crate::projective::frame_photos::{FramePhotos, UNCOVERED, photo_tint};
 use crate::projective::look::look_at_pixel;
 use crate::projective::surface_rays::SurfaceRays;
 use crate::render::{PhotoDisplay, Settings};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
+
+/// The photographs of a frame whose settings show some.
+///
+/// # Errors
+/// [`Error::Unsupported`] where none are given.
+pub(crate) fn given<T>(photos: Option<T>) -> Result<T, Error> {
+    photos.ok_or_else(|| Error::Unsupported {
+        what: "photographs",
+        why: "none are given; name a scene of photographs with --photos".into(),
+    })
+}
 
 /// Colors a picture that has depth (and normals, else those of depths count) by photographs.
 pub(crate) fn color_picture(
@@ -27,15 +39,8 @@ pub(crate) fn color_picture(
             Some(value) => *value,
             None => image.color[index].map(|v| f32::from(v) / 255.0),
         };
-        let at = Vec2::new(column as f32 + 0.5, row as f32 + 0.5);
-        let compared = photos.compared_at(at.x, width);
-        if let Some(chosen) = compared
-            && let Some(place) = chosen
-                .photo
-                .place(chosen.photo.center + rays.direction(at.x, at.y))
-        {
-            let at = (place.pixel / chosen.photo.size).to_array();
-            let [r, g, b] = chosen.pixels.sample(at, 0.0);
+        let at = [column as f32 + 0.5, row as f32 + 0.5];
+        if let Some([r, g, b]) = photos.compared_color(&rays, at, width) {
             return Some([r, g, b, 1.0]);
         }
         let distance = depth[index];

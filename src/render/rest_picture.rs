@@ -6,6 +6,7 @@ use crate::gpu::{Error, Gpu};
 use crate::image::{EVEN_SAMPLES, Image, PictureAccumulator, evenly_by_fours, mean_difference};
 use crate::math::camera::View;
 use crate::pack::ColorBy;
+use crate::projective::frame_photos::FramePhotos;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::engine::{LEAST_SAMPLES, SMOOTH_DIFFERENCE, smooth_threshold};
@@ -57,6 +58,8 @@ pub(crate) struct SampleRequest<'a> {
     pub(crate) parts: DrawnParts<'a>,
     pub(crate) view: &'a View,
     pub(crate) settings: &'a Settings,
+    /// Photographs that the processor puts on the surface, where settings show any.
+    pub(crate) photos: Option<&'a Arc<FramePhotos>>,
     /// The device's frames and models; none where the processor draws.
     pub(crate) device: Option<(&'a VulkanRenderer, &'a mut DeviceScene)>,
 }
@@ -157,6 +160,7 @@ impl RestPicture {
             parts,
             view,
             settings,
+            photos,
             device,
         } = request;
         let view = &evenly_by_fours(view, number);
@@ -189,7 +193,9 @@ impl RestPicture {
                     words: vec![0; width as usize * height as usize],
                     area: DrawnArea::unknown(width, height),
                 });
-                let plan = FramePlan::for_processor(settings, parts, view, VALUES)?;
+                own.renderer.set_photos(photos);
+                let outputs = settings.outputs_of_frame(VALUES);
+                let plan = FramePlan::for_processor(settings, parts, view, outputs)?;
                 let pixels = PixelWords {
                     words: &mut own.words,
                     pitch: width as usize,

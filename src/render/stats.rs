@@ -78,6 +78,15 @@ impl std::fmt::Display for OverdrawSummary {
     }
 }
 
+/// Time of the processor's own drawing.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct HostWork {
+    /// Drawing splats in the place of a software device, milliseconds; a part of the time of packing.
+    pub drawing_ms: f64,
+    /// Looks over a picture that the processor drew, such as photographs, milliseconds.
+    pub look_ms: f64,
+}
+
 /// Cost of one frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameTimes {
@@ -87,8 +96,8 @@ pub struct FrameTimes {
     pub cut_ms: f64,
     /// Writing the draw lists, milliseconds.
     pub pack_ms: f64,
-    /// Of [`pack_ms`](Self::pack_ms): drawing splats in the place of a software device, milliseconds.
-    pub host_ms: f64,
+    /// Work that the processor does in the place of a device.
+    pub host: HostWork,
     /// Making the draw lists visible to the device, milliseconds.
     pub upload_ms: f64,
     /// Recording and submitting, milliseconds.
@@ -148,16 +157,19 @@ pub enum FrameStage {
     Submit,
     /// Waiting for the device.
     Wait,
+    /// Looking over a picture that the processor drew.
+    Look,
 }
 
 impl FrameStage {
     /// All of them, in order.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Cut,
         Self::Pack,
         Self::Upload,
         Self::Submit,
         Self::Wait,
+        Self::Look,
     ];
 
     /// Name in tables, files and the log.
@@ -168,6 +180,7 @@ impl FrameStage {
             Self::Upload => "upload",
             Self::Submit => "submit",
             Self::Wait => "wait",
+            Self::Look => "look",
         }
     }
 
@@ -179,6 +192,7 @@ impl FrameStage {
             Self::Upload => tracing::debug_span!("upload"),
             Self::Submit => tracing::debug_span!("submit"),
             Self::Wait => tracing::debug_span!("wait"),
+            Self::Look => tracing::debug_span!("look"),
         };
         RunningStage {
             stage: self,
@@ -231,6 +245,7 @@ impl FrameTimes {
             FrameStage::Upload => self.upload_ms,
             FrameStage::Submit => self.submit_ms,
             FrameStage::Wait => self.wait_ms,
+            FrameStage::Look => self.host.look_ms,
         }
     }
 
@@ -241,6 +256,7 @@ impl FrameTimes {
             FrameStage::Upload => &mut self.upload_ms,
             FrameStage::Submit => &mut self.submit_ms,
             FrameStage::Wait => &mut self.wait_ms,
+            FrameStage::Look => &mut self.host.look_ms,
         }
     }
 }

@@ -6,6 +6,7 @@ use crate::gpu::overlay::WindowOverlay;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::View;
+use crate::projective::frame_photos::FramePhotos;
 use crate::render::backend_choice::{AvailableBackends, FrameBackend};
 use crate::render::cost::model::DrawCosts;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
@@ -14,6 +15,7 @@ use crate::render::frame_estimate::FrameEstimate;
 use crate::render::frame_plan::FramePlan;
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
+use crate::render::photo_look::given;
 use crate::render::probe_area::ProbeArea;
 use crate::render::rest_picture::{RestPicture, SampleRequest, has_mean};
 use crate::render::stats::{FrameTimes, KeptWork};
@@ -135,6 +137,8 @@ pub struct WindowRenderer {
     rest: RestPicture,
     /// The last submission that reads a mean of samples.
     rest_reader: Option<FrameTicket>,
+    /// Photographs of the next frames.
+    photos: Option<Arc<FramePhotos>>,
 }
 
 /// Frames that the processor draws.
@@ -171,6 +175,7 @@ impl WindowRenderer {
             is_of_cpu: false,
             rest: RestPicture::default(),
             rest_reader: None,
+            photos: None,
         })
     }
 
@@ -194,6 +199,7 @@ impl WindowRenderer {
 
     /// Puts photographs on the surface: [`VulkanRenderer::set_photos`].
     pub fn set_photos(&mut self, photos: Option<DevicePhotos>) {
+        self.photos = photos.as_ref().map(|own| own.frame.clone());
         self.device.set_photos(photos);
         self.rest.forget();
     }
@@ -271,7 +277,8 @@ impl WindowRenderer {
         let settings = &settings;
         match &mut self.cpu {
             Some(cpu) if is_by_cpu => {
-                match FramePlan::for_processor(settings, parts, view, WINDOW_OUTPUTS) {
+                let outputs = settings.outputs_of_frame(WINDOW_OUTPUTS);
+                match FramePlan::for_processor(settings, parts, view, outputs) {
                     Ok(plan) => cpu.renderer.predict(parts, &plan),
                     Err(_) => FrameEstimate::default(),
                 }
@@ -315,6 +322,10 @@ impl WindowRenderer {
         let parts = DrawnParts::new(&facted).with_generation(generation);
         match &mut self.cpu {
             Some(cpu) if self.is_of_cpu => {
+                if settings.shows_photos() {
+                    given(self.photos.as_ref())?;
+                }
+                cpu.renderer.set_photos(self.photos.as_ref());
                 let times = cpu.draw(&self.device, parts, view, &settings)?;
                 submit_picture(&mut self.device, cpu, times, start, show)
             }
@@ -379,6 +390,7 @@ impl WindowRenderer {
             parts: DrawnParts::new(&facted).with_generation(generation),
             view,
             settings: &settings,
+            photos: self.photos.as_ref(),
             device: (!is_of_cpu).then_some((&self.device, scene)),
         };
         self.rest.add_sample(&self.gpu, request)
@@ -527,7 +539,8 @@ impl CpuFrames {
         if let Some(reader) = picture.reader.take() {
             device.wait_for(reader)?;
         }
-        let plan = FramePlan::for_processor(settings, parts, view, WINDOW_OUTPUTS)?;
+        let outputs = settings.outputs_of_frame(WINDOW_OUTPUTS);
+        let plan = FramePlan::for_processor(settings, parts, view, outputs)?;
         let (words, pitch) = picture.image.words_mut();
         let pixels = PixelWords { words, pitch };
         let times = (self.renderer).draw(parts, &plan, pixels, &mut picture.area);

@@ -17,7 +17,7 @@ const SCATTERED: [f64; 2] = [0.12, 0.3];
 /// The same of how linear they are.
 const LINEAR: [f64; 2] = [0.85, 0.97];
 
-/// How much neighbors may lie to one side, and from where on the point stands apart from their surface: the length of the sum of
+/// Limits of how much neighbors may lie to one side, from where on a point stands apart from their surface: the length of the sum of
 /// the ways to them over the sum of their lengths. 0 amid a surface, 0.64 at its edge, 0.84 at the corner of a grid, 1 far away.
 const ASIDE: [f64; 2] = [0.86, 0.92];
 

@@ -24,6 +24,9 @@ pub fn parts(times: &FrameTimes) -> Vec<GraphPart> {
         ("pack", times.pack_ms),
         ("submit", times.submit_ms),
     ];
+    if times.host.look_ms > 0.0 {
+        parts.push(("look", times.host.look_ms));
+    }
     let mut passes = 0.0;
     for PassTime { name, ms } in &times.passes {
         passes += ms;
@@ -46,6 +49,7 @@ pub fn work(times: &FrameTimes, overlaps: bool) -> TimeTaken {
     let mut took = TimeTaken {
         cut_ms: times.cut_ms,
         pack_ms: times.pack_ms + times.upload_ms + times.submit_ms,
+        picture_ms: times.host.look_ms,
         overlaps,
         ..TimeTaken::default()
     };

@@ -20,6 +20,7 @@ mod models;
 mod motion;
 mod packages;
 mod patches;
+mod photos;
 mod pictures;
 mod placing;
 mod profile;

@@ -27,9 +27,10 @@ fn every_command_has_a_manual_page() {
     let at = folder.path();
     expect(at, 0, "man --output .");
     let mut wanted = vec!["surfel.1".to_owned()];
-    for words in super::usage::COMMANDS
-        .iter()
-        .chain(&["photos score", "photos render"])
+    for words in
+        super::usage::COMMANDS
+            .iter()
+            .chain(&["photos score", "photos render", "photos walk"])
     {
         wanted.push(format!("surfel-{}.1", words.replace(' ', "-")));
         let printed = expect(at, 0, &format!("man {words}")).text();

@@ -56,7 +56,7 @@ fn check_json(json: &Value, passes: &[&str]) {
     assert!(wall > 0.0);
     let cpu = json["cpu"].as_array().unwrap();
     let stages: Vec<&str> = cpu.iter().map(|s| s["name"].as_str().unwrap()).collect();
-    assert_eq!(stages, ["cut", "pack", "upload", "submit", "wait"]);
+    assert_eq!(stages, ["cut", "pack", "upload", "submit", "wait", "look"]);
     let share: f64 = cpu.iter().map(|s| s["share"].as_f64().unwrap()).sum();
     assert!(share > 0.0 && share <= 1.0 + 1e-9, "{share}");
     for stage in cpu {

@@ -59,7 +59,7 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
         .collect();
     assert_eq!(
         cpu.iter().map(|c| c.0).collect::<Vec<_>>(),
-        ["cut", "pack", "upload", "submit", "wait"]
+        ["cut", "pack", "upload", "submit", "wait", "look"]
     );
     let parts: f64 = cpu.iter().map(|c| c.1).sum();
     // One frame: the parts are of the same frame as the whole, which has more in it.

@@ -30,7 +30,7 @@ fn passes_over_the_picture_are_told_from_those_over_primitives() {
         ("compute.triangles", 4.0),
         ("compute.splats", 8.0),
         ("compute.resolve", 16.0),
-        ("small.copy", 32.0),
+        ("compute.copy", 32.0),
     ];
     assert_eq!(parts(7, &passes), [8.0, 5.0, 50.0]);
     assert_eq!(parts(0, &passes), [8.0, 0.0, 55.0]);

@@ -2,11 +2,15 @@
 
 use crate::render::PictureOutputs;
 use crate::render::cpu::opaque::SurfacePlanes;
+use crate::render::frame_plan::FramePlan;
 use glam::Vec4;
 
 /// Colors and normals of the rectangle that is drawn in, where they are asked for.
 #[derive(Debug, Default)]
 pub(crate) struct FloatPlanes {
+    /// Asked for.
+    asked: PictureOutputs,
+    /// Outputs of the frame: looks may need more.
     outputs: PictureOutputs,
     values: Vec<[f32; 4]>,
     normals: Vec<[f32; 3]>,
@@ -28,18 +32,21 @@ impl FloatPlanes {
     /// Planes of pictures with these outputs.
     pub(crate) fn of(outputs: PictureOutputs) -> Self {
         Self {
+            asked: outputs,
             outputs,
             ..Self::default()
         }
     }
 
-    /// What is asked for.
+    /// Outputs of the frame.
     pub(crate) fn outputs(&self) -> PictureOutputs {
         self.outputs
     }
 
-    /// Empties them for a frame that draws in so many pixels of a rectangle before a background.
-    pub(crate) fn begin(&mut self, rect_px: [u32; 4], background: [f32; 3]) {
+    /// Empties them for a frame, in the rectangle that it draws in.
+    pub(crate) fn begin(&mut self, plan: &FramePlan) {
+        self.outputs = plan.settings.outputs_of_frame(self.asked);
+        let (rect_px, background) = (plan.context.rect_px, plan.context.background);
         let [left, top, right, bottom] = rect_px.map(|edge| edge as usize);
         let pixels = (right - left) * (bottom - top);
         let [red, green, blue] = background;
@@ -64,7 +71,7 @@ impl FloatPlanes {
 
     /// Colors of a whole picture of this size; empty unless they are asked for.
     pub(crate) fn whole_values(&self, size: [u32; 2]) -> Vec<[f32; 4]> {
-        match self.outputs.values {
+        match self.asked.values {
             true => self.whole(size, &self.values, self.background),
             false => Vec::new(),
         }
@@ -72,7 +79,7 @@ impl FloatPlanes {
 
     /// Normals of a whole picture of this size; empty unless they are asked for.
     pub(crate) fn whole_normals(&self, size: [u32; 2]) -> Vec<[f32; 3]> {
-        match self.outputs.normal {
+        match self.asked.normal {
             true => self.whole(size, &self.normals, [0.0; 3]),
             false => Vec::new(),
         }

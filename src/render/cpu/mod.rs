@@ -11,6 +11,7 @@ pub mod filtered;
 pub(crate) mod float_planes;
 pub(crate) mod frame_shading;
 pub mod opaque;
+pub(crate) mod photos;
 pub mod picture;
 #[cfg(feature = "viewer")]
 pub(crate) mod predict;

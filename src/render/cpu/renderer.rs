@@ -16,6 +16,7 @@ use crate::pack::small_triangles;
 use crate::pack::small_triangles::LargeTriangles;
 use crate::pack::splats::SplatPlan;
 use crate::patches::PatchRaster;
+use crate::projective::frame_photos::FramePhotos;
 use crate::render::backdrop::BackgroundGradient;
 use crate::render::cpu::ambient_occlusion::AmbientOcclusionLook;
 use crate::render::cpu::eye_dome::DepthLogarithms;
@@ -34,13 +35,12 @@ use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, splat_plan};
 use crate::render::part_cuts::PartCuts;
 use crate::render::screen_bounds;
-use crate::render::stats::FrameCounts;
-use crate::render::stats::FrameTimes;
-use crate::render::stats::{CutAhead, FrameStage, KeptWork};
+use crate::render::stats::{CutAhead, FrameCounts, FrameStage, FrameTimes, KeptWork};
 use crate::render::technique::Technique;
 use crate::render::{Method, PictureOutputs, Settings};
 use crate::tree::Model;
 use bytemuck::Zeroable;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Binary places of a pixel to which corners are snapped.
@@ -94,6 +94,7 @@ pub struct CpuRenderer {
     ambient_occlusion: AmbientOcclusionLook,
     /// Background of the last frame.
     gradient: Option<BackgroundGradient>,
+    photos: Option<Arc<FramePhotos>>,
 }
 
 /// What of a frame is drawn, counted.
@@ -136,6 +137,7 @@ impl CpuRenderer {
             eye_dome: DepthLogarithms::default(),
             ambient_occlusion: AmbientOcclusionLook::default(),
             gradient: None,
+            photos: None,
         }
     }
 
@@ -208,7 +210,7 @@ impl CpuRenderer {
         self.rect_px = context.rect_px;
         let rect_pixels = screen_bounds::pixels(context.rect_px) as usize;
         self.depths.resize(rect_pixels.max(self.depths.len()), 0.0);
-        self.planes.begin(context.rect_px, context.background);
+        self.planes.begin(plan);
         let light = opaque::FrameHeadlight::new(&plan.constants);
         area.begin(&mut pixels, self.size, context.rect_px, light.background());
         let meshes: Vec<SurfaceMesh<'_>> = (drawn.iter())
@@ -231,9 +233,9 @@ impl CpuRenderer {
             _ if self.needs_surfaces(settings) => self.draw_surfaces(&frame, &light, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
-        self.look(plan, &mut pixels, area);
         packing.end(&mut times);
-        times.host_ms = times.pack_ms;
+        times.host.drawing_ms = times.pack_ms;
+        self.look(plan, &mut pixels, area, &mut times);
         times.counts = FrameCounts {
             splats: counts.splats as u64,
             triangles: counts.triangles as u64,
@@ -547,6 +549,7 @@ impl CpuRenderer {
             false => Vec::new(),
         };
         let mut values = self.planes.whole_values(self.size);
+        self.lay_over_values(&color, &mut values);
         if let Some(gradient) = &self.gradient {
             gradient.put_behind_values(&mut values, self.size.map(|side| side as usize));
         }

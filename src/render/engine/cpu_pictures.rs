@@ -6,10 +6,9 @@ use crate::math::camera::View;
 use crate::render::PictureOutputs;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
-use crate::render::engine::looked::{given, only};
 use crate::render::engine::picture_backend::{PictureBackend, PictureRequest, VALUES};
 use crate::render::frame_plan::FramePlan;
-use crate::render::photo_look::color_picture;
+use crate::render::photo_look::given;
 use crate::render::stats::FrameTimes;
 use std::time::Instant;
 
@@ -64,10 +63,6 @@ impl PictureBackend for CpuPictures {
 struct CpuTarget {
     renderer: Box<CpuRenderer>,
     outputs: PictureOutputs,
-    /// Outputs of the last frame, which looks may ask for more.
-    drawn_outputs: PictureOutputs,
-    /// The picture of the last frame with photographs on it.
-    looked: Option<Image>,
     words: Vec<u32>,
     area: DrawnArea,
 }
@@ -79,8 +74,6 @@ impl CpuTarget {
         Self {
             renderer: Box::new(renderer),
             outputs,
-            drawn_outputs: outputs,
-            looked: None,
             words: Vec::new(),
             area: DrawnArea::unknown(width, height),
         }
@@ -115,25 +108,16 @@ impl CpuTarget {
         self.words.resize(width as usize * height as usize, 0);
         let start = Instant::now();
         let outputs = settings.outputs_of_frame(self.outputs);
-        if outputs != self.drawn_outputs {
-            let renderer = CpuRenderer::new(width, height).with_outputs(outputs);
-            (*self.renderer, self.drawn_outputs) = (renderer, outputs);
-            self.area = DrawnArea::unknown(width, height);
-        }
         let plan = FramePlan::for_processor(settings, parts, view, outputs)?;
+        if plan.settings.shows_photos() {
+            given(photos)?;
+        }
+        self.renderer.set_photos(photos);
         let pixels = PixelWords {
             words: &mut self.words,
             pitch: width as usize,
         };
-        let area = &mut self.area;
-        let mut times = self.renderer.draw(parts, &plan, pixels, area);
-        self.looked = None;
-        if settings.shows_photos() {
-            let photos = given(photos)?;
-            let mut image = self.read_drawn(view);
-            color_picture(&mut image, view, photos, &plan.settings);
-            self.looked = Some(only(image, self.outputs));
-        }
+        let mut times = self.renderer.draw(parts, &plan, pixels, &mut self.area);
         times.starts.frame = Some(start);
         times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(times)
@@ -141,18 +125,11 @@ impl CpuTarget {
 
     /// The picture of the last frame.
     fn read(&mut self, view: &View) -> Image {
-        match &self.looked {
-            Some(looked) => looked.clone(),
-            None => self.read_drawn(view),
-        }
-    }
-
-    fn read_drawn(&mut self, view: &View) -> Image {
         let [width, _] = self.renderer.size();
         let pixels = PixelWords {
             words: &mut self.words,
             pitch: width as usize,
         };
-        self.renderer.read(view, &pixels, self.drawn_outputs.depth)
+        self.renderer.read(view, &pixels, self.outputs.depth)
     }
 }

@@ -7,6 +7,7 @@ use crate::projective::frame_photos::FramePhotos;
 use crate::render::model_facts::DrawnParts;
 use crate::render::stats::FrameTimes;
 use crate::render::{PictureOutputs, Settings};
+use std::sync::Arc;
 
 /// Outputs of samples: values, so that only their mean is rounded.
 pub(super) const VALUES: PictureOutputs = PictureOutputs {
@@ -25,7 +26,7 @@ pub(super) struct PictureRequest<'a> {
     /// Settings of the frame.
     pub(super) settings: &'a Settings,
     /// Photographs, where there are any.
-    pub(super) photos: Option<&'a FramePhotos>,
+    pub(super) photos: Option<&'a Arc<FramePhotos>>,
 }
 
 /// A maker of pictures.

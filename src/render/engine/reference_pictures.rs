@@ -1,12 +1,12 @@
 //! Pictures of the reference.
 
-use super::looked::{given, only};
 use super::picture_backend::{PictureBackend, PictureRequest, VALUES};
 use crate::gpu::Error;
 use crate::image::Image;
 use crate::math::camera::View;
+use crate::render::PictureOutputs;
 use crate::render::frame_plan::resolve_of_parts;
-use crate::render::photo_look::color_picture;
+use crate::render::photo_look::{color_picture, given};
 use crate::render::reference::renderer::ReferenceRenderer;
 use crate::render::stats::FrameTimes;
 use crate::render::supported::check_patches_of;
@@ -50,4 +50,15 @@ impl PictureBackend for ReferenceRenderer {
     fn overdraw(&mut self) -> Option<Vec<u32>> {
         self.counts.clone()
     }
+}
+
+/// A picture without what was only needed to draw it.
+fn only(mut image: Image, outputs: PictureOutputs) -> Image {
+    if !outputs.depth {
+        image.depth = Vec::new();
+    }
+    if !outputs.normal {
+        image.normal = Vec::new();
+    }
+    image
 }

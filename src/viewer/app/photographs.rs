@@ -13,8 +13,10 @@ use crate::render::vulkan::photos::pool::PhotoPool;
 use crate::render::{PhotoDisplay, Settings};
 use crate::viewer::panel::{PhotographRow, PhotographState, PhotographWish};
 use crate::viewer::{ViewerError, text};
+use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Longest side of photographs in memory, pixels.
 const LONGEST_SIDE: u32 = 4096;
@@ -45,6 +47,10 @@ pub(super) struct ModelPhotographs {
     pub(super) pose: Option<(usize, Camera)>,
     /// Part of the picture that shows that photograph as it is.
     compared: f32,
+    /// Moment at which the scene was asked for, until a picture shows any of its photographs.
+    opened: Option<Instant>,
+    /// Moment since which a photograph of the view is a thumbnail.
+    blurred: Option<Instant>,
 }
 
 impl ModelPhotographs {
@@ -62,6 +68,33 @@ impl ModelPhotographs {
         let mut chosen = frame.iter().flat_map(|frame| &frame.photos);
         self.loader.is_some()
             && (self.is_readying || chosen.any(|own| !stage.is_whole(own.photo.index as usize)))
+    }
+
+    /// Says in the log how long the first photographs took to be shown, and how long the view had to wait for whole ones.
+    fn log_progress(&mut self) {
+        let (Some(frame), Some(stage)) = (&self.frame, &self.stage) else {
+            return;
+        };
+        if frame.photos.is_empty() {
+            return;
+        }
+        let photographs = frame.photos.len();
+        if let Some(opened) = self.opened.take() {
+            let ms = opened.elapsed().as_millis();
+            tracing::info!(ms, photographs, "the first photographs are shown");
+        }
+        let mut chosen = frame.photos.iter().map(|own| own.photo.index as usize);
+        match chosen.all(|index| stage.is_whole(index)) {
+            false => {
+                self.blurred.get_or_insert_with(Instant::now);
+            }
+            true => {
+                if let Some(blurred) = self.blurred.take() {
+                    let ms = blurred.elapsed().as_millis();
+                    tracing::info!(ms, photographs, "all photographs of the view are whole");
+                }
+            }
+        }
     }
 
     /// Words that the photographs of any frame take at most.
@@ -104,11 +137,13 @@ impl ViewerApp {
             folder,
             model,
             longest_side: LONGEST_SIDE,
+            eye: self.eye_in_world(),
         };
         self.photographs = ModelPhotographs {
             has_frusta: self.photographs.has_frusta,
             has_radar: self.photographs.has_radar,
             is_readying: true,
+            opened: Some(Instant::now()),
             ..ModelPhotographs::default()
         };
         match PhotoLoader::start(request) {
@@ -174,13 +209,13 @@ impl ViewerApp {
                     self.is_dirty = true;
                 }
             }
-            PhotoArrival::AllReady => {
+            PhotoArrival::AllReady(gains) => {
                 own.is_readying = false;
                 own.is_stale = true;
                 self.status = None;
                 self.is_dirty = true;
                 if let (Some(stage), Some(scene)) = (&mut own.stage, &own.scene) {
-                    stage.find_gains();
+                    stage.set_gains(&gains);
                     if let Err(error) = stage.check(scene) {
                         self.warn(&error.to_string());
                     }
@@ -227,6 +262,10 @@ impl ViewerApp {
             self.take_photographs();
         }
         let view = self.view_of_picture();
+        let origin = self
+            .screen
+            .model()
+            .map_or(DVec3::ZERO, |model| model.origin);
         let own = &mut self.photographs;
         let (Some(view), Some(stage)) = (view, &mut own.stage) else {
             return Ok(without);
@@ -250,6 +289,9 @@ impl ViewerApp {
             }
             stage.drop_unused(&frame, MEMORY_BYTES);
             if let Some(loader) = &own.loader {
+                if view.is_perspective {
+                    loader.look_from(view.eye.as_dvec3() + origin);
+                }
                 let chosen = frame.photos.iter().map(|own| own.photo.index as usize);
                 loader.want(chosen.filter(|index| !stage.is_whole(*index)));
             }
@@ -262,6 +304,7 @@ impl ViewerApp {
             }
         }
         let words = self.photographs.words();
+        self.photographs.log_progress();
         match &self.photographs.frame {
             Some(frame) if !frame.photos.is_empty() => {
                 debug_assert!(PhotoPool::words_of(frame) > 0);
@@ -276,6 +319,13 @@ impl ViewerApp {
     pub(super) fn view_of_picture(&self) -> Option<View> {
         let camera = self.camera()?;
         camera.view(self.screen.model()?.origin).ok()
+    }
+
+    /// The eye of the picture in the window, world space.
+    fn eye_in_world(&self) -> Option<DVec3> {
+        let origin = self.screen.model()?.origin;
+        let view = self.view_of_picture().filter(|view| view.is_perspective)?;
+        Some(view.eye.as_dvec3() + origin)
     }
 
     /// Draws again where the next frame would be sharper.
@@ -415,7 +465,7 @@ fn fitted_pose(camera: &CalibratedCamera, (width, height): (u32, u32)) -> Calibr
 mod tests {
     use super::*;
     use crate::projective::lens::CameraLens;
-    use glam::{DMat3, DVec2, DVec3};
+    use glam::{DMat3, DVec2};
 
     #[test]
     fn a_pose_shows_the_whole_photograph_in_the_middle() {
