@@ -142,6 +142,7 @@ const LAYERS: &[Layer] = &[
         &[
             "progress",
             "math",
+            "projective",
             "printable",
             "mesh",
             "abi",

@@ -8,12 +8,14 @@ use crate::image::{Image, PictureAccumulator, stratified};
 use crate::math::camera::View;
 use crate::measure::{ValueDistribution, frames};
 use crate::progress::Progress;
+use crate::projective::frame_photos::FramePhotos;
 use crate::render::PictureOutputs;
 use crate::render::cost::model::DrawCosts;
 use crate::render::engine::{Backend, Engine};
 use crate::render::stats::FrameTimes;
-use crate::render::{Method, Settings, SplatKind};
+use crate::render::{Method, PhotoDisplay, Settings, SplatKind};
 use crate::tree::Model;
+use std::sync::Arc;
 
 /// What is measured, the same for every model.
 #[derive(Debug, Clone, PartialEq)]
@@ -122,6 +124,8 @@ pub struct ChartBench<'m> {
     model: &'m Model,
     timed: Engine<'m>,
     surface: Option<Engine<'m>>,
+    /// Pictures have photographs on the surface.
+    photos: PhotoDisplay,
 }
 
 /// Time of a choice in a round, milliseconds, as far as frames fit in it, and how many at most; one in any case.
@@ -150,7 +154,25 @@ impl<'m> ChartBench<'m> {
             model,
             timed: Engine::new(backend, model, size, outputs(false))?,
             surface,
+            photos: PhotoDisplay::Off,
         })
+    }
+
+    /// Puts these photographs on the surface, of pictures to be measured and of the reference, from now on.
+    ///
+    /// # Errors
+    /// When device memory runs out.
+    pub fn set_photos(&mut self, photos: Arc<FramePhotos>) -> Result<(), gpu::Error> {
+        self.photos = PhotoDisplay::Color;
+        self.timed.set_photos(Some(photos))
+    }
+
+    /// Settings with what pictures show of photographs.
+    fn shown(&self, settings: Settings) -> Settings {
+        Settings {
+            photos: self.photos,
+            ..settings
+        }
     }
 
     /// What drawing costs on the device, by which choices of [`Path::Auto`](crate::render::Path::Auto) are drawn as the program draws them: as
@@ -173,7 +195,8 @@ impl<'m> ChartBench<'m> {
         grid: u32,
         progress: &dyn Progress,
     ) -> Result<ReferencePicture, ChartError> {
-        let settings = reference_settings(self.model.kind().is_points());
+        let plain = reference_settings(self.model.kind().is_points());
+        let settings = self.shown(plain);
         let mut mean = PictureAccumulator::new();
         for i in 0..grid * grid {
             if progress.is_cancelled() {
@@ -185,7 +208,7 @@ impl<'m> ChartBench<'m> {
         let mut picture = mean.mean();
         picture.depth = self.timed.render(view, &settings)?.depth;
         let normal = match &mut self.surface {
-            Some(engine) => engine.render(view, &settings)?.normal,
+            Some(engine) => engine.render(view, &plain)?.normal,
             None => Vec::new(),
         };
         Ok(ReferencePicture { picture, normal })
@@ -200,7 +223,8 @@ impl<'m> ChartBench<'m> {
         view: &View,
         choice: &DrawConfiguration,
     ) -> Result<Image, gpu::Error> {
-        self.timed.render(view, &choice.settings())
+        let settings = self.shown(choice.settings());
+        self.timed.render(view, &settings)
     }
 
     /// The normals of a choice; `None` where it has none.
@@ -267,7 +291,7 @@ impl<'m> ChartBench<'m> {
                 if progress.is_cancelled() {
                     return Err(ChartError::Cancelled);
                 }
-                let settings = choices[i].settings();
+                let settings = self.shown(choices[i].settings());
                 let mut left_ms = if choices[i] == TRIANGLES {
                     UNIT_MS
                 } else {

@@ -2,6 +2,7 @@
 
 use super::cameras::parse_size;
 use super::costs::costs_of;
+use super::photo_args::{PhotoArgs, StagedScene};
 use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::source::{KeepArgs, ModelArgs, SurfaceArgs, ViewFraming};
@@ -25,6 +26,7 @@ Examples:
   surfel chart dragon.ply.gz -o chart --quick
   surfel chart horse.ply hand.ply.gz dragon.ply.gz -o chart       some hours on a software device; goes on when interrupted
   surfel chart generate:statue:1000000 -o chart --views 2 --thresholds 1,2,4 --json
+  surfel chart castle.ply -o chart --quick --photos scene.mvs     with photographs on it
   surfel chart dragon.ply.gz -o again --quick --against chart     measures again and says whether the two runs agree
 
 The folder gets rows.csv (a row a choice, distance and view), chart.svg, chart.png and index.html, which shows the
@@ -70,6 +72,9 @@ pub(crate) struct ChartArgs {
     /// triangles within 15 percent), and end with exit code 1 if they do not
     #[arg(long, value_name = "FOLDER")]
     against: Option<PathBuf>,
+    /// Put the photographs of a scene on the one model, in every picture: the time has that of choosing their colors
+    #[arg(long, value_name = "SCENE")]
+    photos: Option<PathBuf>,
     /// Merge vertices that are equal in position, normal and color
     #[arg(long)]
     weld: bool,
@@ -107,6 +112,9 @@ impl ChartArgs {
             if self.models[..i].contains(model) {
                 return Err(usage(format!("{} is named twice", model.display())));
             }
+        }
+        if self.photos.is_some() && self.models.len() > 1 {
+            return Err(usage("--photos puts photographs on one model"));
         }
         if self.output.exists() && !self.output.is_dir() {
             return Err(usage(format!(
@@ -185,7 +193,12 @@ struct ChartRun<'a> {
 
 impl ChartRun<'_> {
     /// Measures all of a model that is not measured yet, and draws the pictures of its frontier.
-    fn model(&mut self, ready: &OpenedModel, bar: &JobBar) -> Outcome {
+    fn model(
+        &mut self,
+        ready: &OpenedModel,
+        mut staged: Option<StagedScene>,
+        bar: &JobBar,
+    ) -> Outcome {
         let (model, plan) = (&ready.model, self.plan);
         let choices = plan.choices(model, self.backend);
         let mut bench = ChartBench::new(self.backend, model, plan.size)?;
@@ -218,6 +231,10 @@ impl ChartRun<'_> {
                     bar.advance(plan.block_frames(choices.len()));
                     continue;
                 }
+                if let Some(staged) = &mut staged {
+                    let view = orbit(model, plan.size, plan.fills[fill], view, plan.views)?;
+                    bench.set_photos(staged.frame(&view))?;
+                }
                 let (rows, seen) = block(self.backend, &mut bench, plan, place, bar)?;
                 self.rows.extend(rows);
                 self.save()?;
@@ -232,6 +249,9 @@ impl ChartRun<'_> {
         bar.stage("pictures", panels.len() as u64);
         for (i, (panel, reference)) in panels.iter().zip(references).enumerate() {
             let view = orbit(model, plan.size, plan.fills[i], 0, plan.views)?;
+            if let Some(staged) = &mut staged {
+                bench.set_photos(staged.frame(&view))?;
+            }
             let reference = match reference {
                 Some(reference) => reference,
                 None => bench.reference(&view, plan.grid, bar)?.picture,
@@ -278,6 +298,17 @@ pub(crate) fn run(args: ChartArgs, quiet: bool) -> Outcome {
             keep: KeepArgs::default(),
         };
         let mut ready = source.open_with(&bar)?;
+        let photos = PhotoArgs {
+            photos: args.photos.clone(),
+            ..PhotoArgs::default()
+        };
+        let staged = (photos.read()?)
+            .map(|scene| StagedScene::new(scene, &ready, &backend, photos.most(), quiet));
+        let staged = staged.transpose()?;
+        if staged.is_some() {
+            // Rows without photographs are other rows.
+            ready.name += " with photographs";
+        }
         surfel::patches::add_records(&mut ready.model, &bar).map_err(surfel::Error::from)?;
         if ready.model.vertices.is_empty() {
             return Err(usage(format!(
@@ -314,7 +345,7 @@ pub(crate) fn run(args: ChartArgs, quiet: bool) -> Outcome {
                 })
             }
         };
-        run.model(&ready, &bar).map_err(with_hint)?;
+        run.model(&ready, staged, &bar).map_err(with_hint)?;
     }
     let Some(run) = run else { return Ok(()) };
     bar.stage("chart", 0);

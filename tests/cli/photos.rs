@@ -1,7 +1,8 @@
-//! `photos walk` and `profile --photos`: figures of a generated scene.
+//! `photos walk`, `profile --photos` and `chart --photos`: figures of a generated scene.
 
 use super::harness::expect;
 use serde_json::json;
+use std::collections::HashMap;
 use std::path::Path;
 
 /// A square with three photographs of it, from left to right.
@@ -89,4 +90,37 @@ fn a_profile_has_the_time_of_photographs() {
     )
     .json();
     assert!(plain.get("photo_choice_ms").is_none(), "{plain}");
+}
+
+#[test]
+fn a_chart_has_time_and_error_with_photographs() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    scene(at);
+    let few = "--size 40x32 --thresholds 2 --fills 1 --views 4 --repeats 1 --device cpu --quiet";
+    let rows = |more: &str, out: &str| -> Vec<HashMap<String, String>> {
+        expect(at, 0, &format!("chart mesh.ply -o {out} {few} {more}"));
+        let mut reader = csv::Reader::from_path(at.join(out).join("rows.csv")).unwrap();
+        reader.deserialize().map(Result::unwrap).collect()
+    };
+    let with = rows("--photos transforms.json", "with");
+    let without = rows("", "without");
+    let mut compared = 0;
+    for (with, without) in with.iter().zip(&without) {
+        assert_eq!(
+            with["model"],
+            format!("{} with photographs", without["model"])
+        );
+        let of = |row: &HashMap<String, String>, name: &str| row[name].parse::<f64>();
+        if let (Ok(own), Ok(plain)) = (of(with, "flip"), of(without, "flip"))
+            && own.is_finite()
+        {
+            // A smooth square has errors at its outline alone; photographs, on the front, have some within.
+            compared += usize::from(own != plain);
+            assert!(of(with, "frame_ms").unwrap() > 0.0);
+        }
+    }
+    assert!(compared > 1, "{compared} of {}", with.len());
+    let two = "chart mesh.ply generate:square:8 --photos transforms.json -o two";
+    expect(at, 2, two);
 }
