@@ -27,7 +27,7 @@ pub(super) trait FloatLanes:
     /// A word a lane.
     type Words: Copy;
 
-    /// The same number in all lanes.
+    /// Vector with one number in all lanes.
     fn all(self, v: f32) -> Self;
     fn min(self, other: Self) -> Self;
     fn max(self, other: Self) -> Self;

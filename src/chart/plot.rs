@@ -156,6 +156,17 @@ fn marker(choice: &DrawConfiguration, x: f64, y: f64, r: f64) -> String {
     }
 }
 
+/// Begins a chart of this width and height: its white ground, and its title.
+fn begun_svg([width, height]: [f64; 2], title: &str) -> String {
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" \
+         height=\"{height:.0}\" font-family=\"Ubuntu, 'Segoe UI', 'Helvetica Neue', sans-serif\" font-size=\"13\" \
+         fill=\"{INK}\">\n<rect width=\"{width:.0}\" height=\"{height:.0}\" fill=\"#ffffff\"/>\n\
+         <text x=\"20\" y=\"30\" font-size=\"20\">{}</text>\n",
+        escaped(title)
+    )
+}
+
 pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
@@ -230,16 +241,11 @@ pub fn svg(title: &str, subtitle: &str, panels: &[SummaryPanel], metric: &PlotMe
     // Without a title there is no room for one.
     let head = if title.is_empty() { 4.0 } else { HEAD };
     let height = head + legend_height + cell[1] * rows.len() as f64 + 8.0;
-    let mut out = String::new();
+    let mut out = begun_svg([width, height], title);
     // Writing to a string does not fail.
-    let _ = write!(
+    let _ = writeln!(
         out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" \
-         height=\"{height:.0}\" font-family=\"Ubuntu, 'Segoe UI', 'Helvetica Neue', sans-serif\" font-size=\"13\" \
-         fill=\"{INK}\">\n<rect width=\"{width:.0}\" height=\"{height:.0}\" fill=\"#ffffff\"/>\n\
-         <text x=\"20\" y=\"30\" font-size=\"20\">{}</text>\n\
-         <text x=\"20\" y=\"52\" fill=\"{GRAY}\">{}</text>\n",
-        escaped(title),
+        "<text x=\"20\" y=\"52\" fill=\"{GRAY}\">{}</text>",
         escaped(subtitle)
     );
     for (i, (name, choice)) in lines.iter().enumerate() {

@@ -119,7 +119,7 @@ pub(super) fn refused(source: &Path, setting: &ColorSetting) -> input::Error {
 /// Colors opened models by one setting, as [`recolor`] does.
 ///
 /// # Errors
-/// As [`recolor`].
+/// [`input::Error::UnknownAttribute`] where no model has the attribute.
 pub fn recolor_opened<'a>(
     models: impl IntoIterator<Item = &'a mut OpenedModel>,
     setting: &ColorSetting,

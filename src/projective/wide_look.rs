@@ -1,6 +1,6 @@
 //! The photo look of many pixels of a row at once, a pixel in each lane of the processor's vectors.
 //!
-//! It gives what [`look_at_pixel`] gives, by the same rules and up to rounding, for the quality form in one stage; everything
+//! Colors are those of [`look_at_pixel`], by the same rules and up to rounding, for the quality form in one stage; everything
 //! else goes through that function, pixel by pixel. Photographs are looked at in the order of the most that they may weigh by
 //! directions alone. One that cannot be among the few best of any lane is left out: that changes nothing, since the bound
 //! holds for every lane.

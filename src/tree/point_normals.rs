@@ -204,16 +204,18 @@ mod tests {
         build(mesh, &options, &SilentProgress).unwrap()
     }
 
+    /// One of Fibonacci's points on a ball's surface: even, and no two neighborhoods alike.
+    fn on_sphere(i: i32, count: i32) -> Vec3 {
+        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+        let turn = f64::from(i) * std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let r = (1.0 - z * z).sqrt();
+        glam::DVec3::new(r * turn.cos(), r * turn.sin(), z).as_vec3()
+    }
+
     #[test]
     fn normals_of_a_sphere_are_its_own_and_nodes_keep_them() {
-        // Fibonacci's points: even, and no two neighborhoods alike.
         let count = 20_000;
-        let at = |i: i32| {
-            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
-            let turn = f64::from(i) * std::f64::consts::PI * (3.0 - 5f64.sqrt());
-            let r = (1.0 - z * z).sqrt();
-            glam::DVec3::new(r * turn.cos(), r * turn.sin(), z).as_vec3()
-        };
+        let at = |i: i32| on_sphere(i, count);
         let model = estimated((0..count).map(at).collect());
         let mut largest = 0f32;
         for vertex in &model.vertices {
@@ -248,12 +250,7 @@ mod tests {
     #[test]
     fn normals_turn_to_the_scanner_that_saw_the_point() {
         let count = 8000;
-        let at = |i: i32| {
-            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
-            let turn = f64::from(i) * std::f64::consts::PI * (3.0 - 5f64.sqrt());
-            let r = (1.0 - z * z).sqrt();
-            glam::DVec3::new(r * turn.cos(), r * turn.sin(), z).as_vec3()
-        };
+        let at = |i: i32| on_sphere(i, count);
         let middle = glam::DVec3::new(500_000.0, -20.0, 3.0);
         let mut scanners = crate::mesh::scanners::ScannerPlaces::default();
         scanners.push(3999, Some(middle + glam::DVec3::Z * 0.25));

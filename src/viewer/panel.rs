@@ -585,6 +585,7 @@ pub mod keep;
 mod lamp;
 mod look;
 pub mod measures;
+pub mod overlay;
 mod patches;
 mod photographs;
 pub mod point_colors;

@@ -1,7 +1,7 @@
 //! The chart of splats from vertices: error and time by the angle of their clusters or of the angle test.
 
-use super::axis::{AxisText, INK, PlotAxis, PlotField, points_text};
-use super::{escaped, plain};
+use super::axis::{AxisText, PlotAxis, PlotField, points_text};
+use super::{begun_svg, escaped, plain};
 use std::fmt::Write;
 
 /// A way of drawing: a point for each angle, or one that has none and is a level line.
@@ -30,16 +30,7 @@ const PANEL: f64 = FIELD[0] + LEFT + 18.0;
 /// Two panels beside each other, error and time, both against the angle; all axes are logarithmic.
 pub fn angles_svg(title: &str, lines: &[AngleLine]) -> String {
     let (width, height) = (2.0 * PANEL + 12.0, TOP + FIELD[1] + 58.0);
-    let mut out = String::new();
-    // Writing to a string does not fail.
-    let _ = write!(
-        out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" \
-         height=\"{height:.0}\" font-family=\"Ubuntu, 'Segoe UI', 'Helvetica Neue', sans-serif\" font-size=\"13\" \
-         fill=\"{INK}\">\n<rect width=\"{width:.0}\" height=\"{height:.0}\" fill=\"#ffffff\"/>\n\
-         <text x=\"20\" y=\"30\" font-size=\"20\">{}</text>\n",
-        escaped(title)
-    );
+    let mut out = begun_svg([width, height], title);
     for (i, line) in lines.iter().enumerate() {
         let (x, y) = (20.0 + 200.0 * (i % 5) as f64, 56.0 + 22.0 * (i / 5) as f64);
         let (color, dash) = STROKES[i % STROKES.len()];

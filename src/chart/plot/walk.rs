@@ -1,7 +1,7 @@
 //! The chart of a walk: how much the picture changes from frame to frame, in two ways of drawing.
 
-use super::axis::{GRAY, INK, points_text};
-use super::escaped;
+use super::axis::{GRAY, points_text};
+use super::{begun_svg, escaped};
 use std::fmt::Write;
 
 /// A line of the chart: a value at each step.
@@ -103,16 +103,7 @@ impl WalkField {
 pub fn walk_svg(title: &str, up: &str, lines: &[WalkLine], marks: &[usize]) -> String {
     let (width, height) = (CORNER[0] + FIELD[0] + 24.0, CORNER[1] + FIELD[1] + 56.0);
     let field = WalkField::of(lines);
-    let mut out = String::new();
-    // Writing to a string does not fail.
-    let _ = write!(
-        out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" \
-         height=\"{height:.0}\" font-family=\"Ubuntu, 'Segoe UI', 'Helvetica Neue', sans-serif\" font-size=\"13\" \
-         fill=\"{INK}\">\n<rect width=\"{width:.0}\" height=\"{height:.0}\" fill=\"#ffffff\"/>\n\
-         <text x=\"20\" y=\"30\" font-size=\"20\">{}</text>\n",
-        escaped(title)
-    );
+    let mut out = begun_svg([width, height], title);
     field.write_axes(&mut out, up);
     for mark in marks {
         let _ = writeln!(

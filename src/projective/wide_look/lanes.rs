@@ -1,6 +1,6 @@
 //! Numbers and vectors, one in each lane.
 //!
-//! What works on them is in functions that are inlined for sure: a closure may become a function of its own, without the
+//! Functions on them are inlined for sure: a closure may become a function of its own, without the
 //! instructions of the level, and then each operation is a call.
 
 use crate::simd::{FloatLanes, WIDEST, WideLanes};
@@ -11,7 +11,7 @@ use glam::{Mat3, Vec3};
 #[derive(Clone, Copy)]
 pub(super) struct LaneVector<S: Simd>(pub(super) [WideLanes<S>; 3]);
 
-/// The same number in all lanes.
+/// Vector with one number in all lanes.
 #[inline(always)]
 pub(super) fn splat<S: Simd>(simd: S, v: f32) -> WideLanes<S> {
     WideLanes(S::f32s::splat(simd, v))

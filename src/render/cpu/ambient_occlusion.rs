@@ -66,7 +66,8 @@ struct OcclusionLine {
     away_px: [f32; 3],
 }
 
-/// Of a row: how far rises are steeper than differences of depths, differences that hide nothing, and the angles that are hidden.
+/// Values of the pixels of a row: factors from a difference of depths to a rise, differences that hide nothing, and angles that are
+/// hidden.
 #[derive(Default)]
 struct RowBuffers {
     factors: Vec<f32>,

@@ -47,7 +47,7 @@ pub(super) trait PictureBackend {
     /// where the backend has targets of its own for samples.
     ///
     /// # Errors
-    /// As [`PictureBackend::draw`] and [`PictureBackend::read`].
+    /// When it cannot draw what is asked for, memory runs out, or a device is lost.
     fn sample(&mut self, frame: PictureRequest<'_>, size: [u32; 2]) -> Result<Image, Error>;
 
     /// Counts of what covers each pixel, of the last frame, where its settings show them.

@@ -8,6 +8,7 @@ use super::poses::{paint_map, paint_poses};
 use crate::image::PictureMarks;
 use crate::math::camera::Camera;
 use crate::pack::ColorBy;
+use crate::viewer::panel::overlay::OverlayPainter;
 use crate::viewer::panel::{self, PanelState, PanelWish, measures, section};
 use crate::viewer::{ViewerError, help};
 use egui::{Align2, Area, Frame, vec2};
@@ -200,13 +201,9 @@ fn paint_marks(context: &egui::Context, marks: &PictureMarks, inset: f32, size: 
     if marks.lines.is_empty() && marks.texts.is_empty() {
         return;
     }
-    let scale = context.pixels_per_point();
-    let left = inset / scale;
-    let area = egui::Rect::from_min_max(egui::pos2(left, 0.0), egui::pos2(size.x, size.y));
-    let painter = context
-        .layer_painter(egui::LayerId::background())
-        .with_clip_rect(area);
-    let place = |[x, y]: [f32; 2]| egui::pos2(left + x / scale, y / scale);
+    let overlay = OverlayPainter::new(context, inset, size);
+    let (place, scale) = (|place: [f32; 2]| overlay.at(place), overlay.scale);
+    let painter = &overlay.painter;
     let outline = egui::Color32::from_rgb(20, 20, 20);
     for is_outline in [true, false] {
         for line in &marks.lines {

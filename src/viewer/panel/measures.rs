@@ -1,10 +1,11 @@
 //! Measures in the panel and over the picture, and the point under the cursor.
 
+use super::overlay::OverlayPainter;
 use super::{PanelWish, heading};
 use crate::image::MarkedLines;
 use crate::viewer::input::{KeyCommand, MeasureChange};
 use crate::viewer::measuring::SeenPoint;
-use egui::{Align2, Area, Color32, Context, FontId, Frame, Grid, RichText, Stroke, Ui, pos2, vec2};
+use egui::{Align2, Area, Color32, Context, FontId, Frame, Grid, RichText, Stroke, Ui, vec2};
 
 /// What the panel shows of measures.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -82,13 +83,9 @@ pub(in crate::viewer) fn paint(
     if marks.lines.places.is_empty() {
         return;
     }
-    let scale = context.pixels_per_point();
-    let left = inset / scale;
-    let area = egui::Rect::from_min_max(pos2(left, 0.0), pos2(size.x, size.y));
-    let painter = context
-        .layer_painter(egui::LayerId::background())
-        .with_clip_rect(area);
-    let at = |[x, y]: [f32; 2]| pos2(left + x / scale, y / scale);
+    let overlay = OverlayPainter::new(context, inset, size);
+    let at = |place: [f32; 2]| overlay.at(place);
+    let painter = &overlay.painter;
     for (color, more) in [(Color32::BLACK, 1.0), (LINE, 0.0)] {
         for line in &marks.lines.lines {
             painter.line_segment(line.map(at), Stroke::new(2.0 + 2.0 * more, color));

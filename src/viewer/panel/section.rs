@@ -1,11 +1,12 @@
 //! The part of the panel for the section: a box that cuts what is drawn, in the coordinates of the file.
 
+use super::overlay::OverlayPainter;
 use super::{PanelFacts, PanelWish};
 use crate::image::AXIS_COLORS;
 use crate::math::section_box::SectionBox;
 use crate::render::{Method, Settings};
 use crate::viewer::input::KeyCommand;
-use egui::{Color32, Context, DragValue, Stroke, Ui, pos2};
+use egui::{Color32, Context, DragValue, Stroke, Ui};
 
 /// The box of a section and its handles, over the picture.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -34,13 +35,9 @@ pub(in crate::viewer) fn paint(
     inset: f32,
     size: egui::Vec2,
 ) {
-    let scale = context.pixels_per_point();
-    let left = inset / scale;
-    let area = egui::Rect::from_min_max(pos2(left, 0.0), pos2(size.x, size.y));
-    let painter = context
-        .layer_painter(egui::LayerId::background())
-        .with_clip_rect(area);
-    let at = |[x, y]: [f32; 2]| pos2(left + x / scale, y / scale);
+    let overlay = OverlayPainter::new(context, inset, size);
+    let at = |place: [f32; 2]| overlay.at(place);
+    let painter = &overlay.painter;
     for (color, width) in [
         (Color32::from_black_alpha(120), 3.0),
         (Color32::from_white_alpha(200), 1.0),

@@ -3,6 +3,14 @@
 use super::*;
 use crate::input::{ColorSetting, PointColoring};
 
+const ENTER: Event = Event::Key {
+    key: egui::Key::Enter,
+    physical_key: None,
+    pressed: true,
+    repeat: false,
+    modifiers: egui::Modifiers::NONE,
+};
+
 #[test]
 fn conditions_are_written_and_classes_ticked() {
     let (facts, settings, mut stage) = (facts(), Settings::default(), Stage::new());
@@ -21,15 +29,8 @@ fn conditions_are_written_and_classes_ticked() {
     let field = controls.iter().find(|own| own.role == Role::TextInput);
     let at = field.unwrap().middle;
     assert!(stage.click(&shown, at).is_empty());
-    let enter = Event::Key {
-        key: egui::Key::Enter,
-        physical_key: None,
-        pressed: true,
-        repeat: false,
-        modifiers: egui::Modifiers::NONE,
-    };
     stage.pass(&shown, vec![Event::Text("height=1..".to_owned())]);
-    let (_, _, wishes) = stage.pass(&shown, vec![enter]);
+    let (_, _, wishes) = stage.pass(&shown, vec![ENTER]);
     assert_eq!(wishes, [PanelWish::Keep("height=1..".to_owned())]);
     // What is kept otherwise, such as by a key, stands in the field.
     let (_, texts, _) = stage.pass(&with("class=6"), vec![Event::PointerGone]);
@@ -59,14 +60,7 @@ fn points_take_the_colors_of_what_is_chosen_and_a_range() {
         .unwrap();
     let at = end.middle;
     assert!(stage.click(&shown, at).is_empty());
-    let enter = Event::Key {
-        key: egui::Key::Enter,
-        physical_key: None,
-        pressed: true,
-        repeat: false,
-        modifiers: egui::Modifiers::NONE,
-    };
     stage.pass(&shown, vec![Event::Text("25".to_owned())]);
-    let (_, _, wishes) = stage.pass(&shown, vec![enter]);
+    let (_, _, wishes) = stage.pass(&shown, vec![ENTER]);
     assert_eq!(wishes, ask(Some([12.5, 25.0])));
 }
