@@ -5,6 +5,7 @@
 mod common;
 
 use common::{Device, generated, orbit, orthographic, pictures, scans};
+use surfel::cut::SizeMetric;
 use surfel::generate::GeneratedShape;
 use surfel::gpu::Error;
 use surfel::image::Image;
@@ -18,7 +19,7 @@ use surfel::render::stats::KeptWork;
 use surfel::render::vulkan::renderer::VulkanRenderer;
 use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{
-    AmbientOcclusion, Blend, Culling, CutOn, EyeDome, Method, Path, Settings, SplatKind,
+    AmbientOcclusion, Blend, Culling, CutOn, EyeDome, Method, Path, Settings, Shading, SplatKind,
 };
 use surfel::tree::Model;
 
@@ -86,9 +87,14 @@ fn the_device_draws_what_the_host_draws() {
                 (Path::Raster, 1.0, SplatKind::Square, Culling::Auto),
                 (Path::Raster, 3.0, SplatKind::Disc, Culling::Off),
                 (Path::Raster, 9.0, SplatKind::Square, Culling::Off),
+                (Path::Raster, 1.0, SplatKind::Ellipse, Culling::Auto),
+                (Path::Raster, 3.0, SplatKind::Gauss, Culling::Off),
+                (Path::Raster, 4.0, SplatKind::Visibility, Culling::Auto),
                 (Path::Compute, 1.0, SplatKind::Square, Culling::Off),
                 (Path::Compute, 3.0, SplatKind::Disc, Culling::Auto),
                 (Path::Compute, 6.0, SplatKind::Square, Culling::Auto),
+                (Path::Compute, 5.0, SplatKind::Ellipse, Culling::Off),
+                (Path::Compute, 3.0, SplatKind::Visibility, Culling::Off),
             ] {
                 if path == Path::Compute && !by_compute {
                     continue;
@@ -100,10 +106,11 @@ fn the_device_draws_what_the_host_draws() {
                     culling,
                     ..on(cut_on)
                 };
-                let what =
-                    format!("{shape:?} {triangles}, view {index}, {path:?}, {threshold_px} px");
+                let what = format!(
+                    "{shape:?} {triangles}, view {index}, {path:?}, {splat:?} of {threshold_px} px"
+                );
                 let mut draw = |on| draw(&mut renderer, (&model, &mut scene), view, &settings(on));
-                let (host, of_host) = draw(CutOn::Host);
+                let (host, of_host) = draw(CutOn::Processor);
                 let (chosen, of_device) = draw(CutOn::Device);
                 assert!(
                     is_on_device(&of_device) && !is_on_device(&of_host),
@@ -113,7 +120,7 @@ fn the_device_draws_what_the_host_draws() {
                     times
                         .passes
                         .iter()
-                        .any(|pass| pass.name == "compute.splats")
+                        .any(|pass| ["compute.splats", "visibility.splats"].contains(&pass.name))
                 };
                 assert_eq!(is_small(&of_device), path == Path::Compute, "{what}");
                 let (a, b) = (of_host.counts, of_device.counts);
@@ -122,7 +129,12 @@ fn the_device_draws_what_the_host_draws() {
                 let most = 2 + (a.splats + a.triangles) / 1000;
                 assert!(b.splats.abs_diff(a.splats) <= most, "{what}: {a:?} {b:?}");
                 // At a pixel the device leaves them out as well.
-                let between = if threshold_px > 1.0 { a.between } else { 0 };
+                let is_plain = splat == SplatKind::Square;
+                let between = if threshold_px > 1.0 || !is_plain {
+                    a.between
+                } else {
+                    0
+                };
                 let between = a.triangles + between;
                 assert!(b.triangles.abs_diff(between) <= most, "{what}: {a:?} {b:?}");
                 assert_eq!((of_device.cut_ms, of_device.pack_ms), (0.0, 0.0));
@@ -141,7 +153,7 @@ fn the_device_cut_is_drawn_in_every_light_and_color() {
     let mut renderer = renderer(&device);
     let view = orbit(&model, SIZE, 130.0, 25.0, 1.0);
     let lamp = |s: &mut Settings| s.light = SurfaceLighting::Phong(Phong::default());
-    let changes: [&dyn Fn(&mut Settings); 8] = [
+    let changes: [&dyn Fn(&mut Settings); 12] = [
         &lamp,
         &|s| s.light = SurfaceLighting::Sphere(LitSphere::Studio),
         &|s| s.ambient_occlusion = AmbientOcclusion::On,
@@ -150,9 +162,13 @@ fn the_device_cut_is_drawn_in_every_light_and_color() {
         &|s| s.color_by = ColorBy::Primitive,
         &|s| s.color_by = ColorBy::Normal,
         &|s| s.color_by = ColorBy::Depth,
+        &|s| s.color_by = ColorBy::Overdraw,
+        &|s| (s.blend, s.splat) = (Some(Blend::TwoPass), SplatKind::Disc),
+        &|s| (s.shading, s.splat) = (Shading::Deferred, SplatKind::Gauss),
+        &|s| (s.color_by, s.splat) = (ColorBy::Classification, SplatKind::Visibility),
     ];
     for (index, change) in changes.into_iter().enumerate() {
-        let [host, chosen] = [CutOn::Host, CutOn::Device].map(|cut_on| {
+        let [host, chosen] = [CutOn::Processor, CutOn::Device].map(|cut_on| {
             let mut settings = on(cut_on);
             change(&mut settings);
             let (image, times) = draw(&mut renderer, (&model, &mut scene), &view, &settings);
@@ -172,7 +188,7 @@ fn a_scan_is_cut_on_the_device() {
         for fill in [0.3, 1.0, 2.0] {
             let view = orbit(&model, SIZE, 30.0, 20.0, fill);
             let mut draw = |settings| draw(&mut renderer, (&model, &mut scene), &view, &settings);
-            let (host, _) = draw(on(CutOn::Host));
+            let (host, _) = draw(on(CutOn::Processor));
             let (chosen, of_device) = draw(on(CutOn::Device));
             assert!(is_on_device(&of_device), "{name}");
             pictures::DEVICE_CUT.assert_same(&host, &chosen, &format!("{name}, fill {fill}"));
@@ -267,37 +283,24 @@ fn what_the_device_cannot_choose_is_refused_by_name() {
         (
             Settings {
                 splat: SplatKind::Gauss,
+                path: Path::Compute,
                 ..usual
             },
-            "--method pop",
+            "--path raster",
         ),
         (
             Settings {
                 splat: SplatKind::Filtered,
                 ..usual
             },
-            "--method pop",
+            "another --splat",
         ),
         (
             Settings {
-                splat: SplatKind::Visibility,
+                size: SizeMetric::Nearest,
                 ..usual
             },
-            "--method pop",
-        ),
-        (
-            Settings {
-                blend: Some(Blend::TwoPass),
-                ..usual
-            },
-            "--method pop",
-        ),
-        (
-            Settings {
-                splat: SplatKind::Ellipse,
-                ..usual
-            },
-            "one size",
+            "--metric exact",
         ),
         (
             Settings {
@@ -319,13 +322,6 @@ fn what_the_device_cannot_choose_is_refused_by_name() {
                 ..usual
             },
             "levels",
-        ),
-        (
-            Settings {
-                color_by: ColorBy::Overdraw,
-                ..usual
-            },
-            "overdraw",
         ),
         (
             Settings {

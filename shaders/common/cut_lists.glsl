@@ -1,13 +1,13 @@
 // What the passes that look at sibling groups read and write, an item at a time. A workgroup asks once for room in each list.
 #include "common/cut.glsl"
-#include "common/splat.glsl"
 
 layout(set = 0, binding = 2, std430) readonly buffer Groups {
     uvec2 groups[];
 };
 
-layout(set = 0, binding = 3, std430) writeonly buffer Splats {
-    SplatRecord splats[];
+// Splats by number, as `abi::SplatId` has them.
+layout(set = 0, binding = 3, std430) writeonly buffer SplatIds {
+    uvec2 splat_ids[];
 };
 
 // How many of a kind a workgroup has, and where they go.

@@ -1,13 +1,13 @@
 #version 460
-// Pass cut.close: how many workgroups draw what was chosen, and where the large triangles begin. A dispatch has whole
-// workgroups, so copies of the first record follow the last one: they are never nearer than it, and show nothing.
+// Last of pass cut.leaves: how many workgroups expand and draw what was chosen, and where the large triangles begin. A
+// dispatch has whole workgroups, so copies of the first item follow the last one: they are never nearer than it, and show
+// nothing.
 #include "common/cut.glsl"
-#include "common/splat.glsl"
 
 layout(local_size_x = 64) in;
 
-layout(set = 0, binding = 2, std430) buffer Splats {
-    SplatRecord splats[];
+layout(set = 0, binding = 2, std430) buffer SplatIds {
+    uvec2 splat_ids[];
 };
 
 layout(set = 0, binding = 3, std430) buffer Indices {
@@ -27,9 +27,9 @@ uvec2 groups_of(uint items) {
 void main() {
     uint lane = gl_LocalInvocationIndex;
     uvec2 of_splats = groups_of(counters.splats);
-    uint end = min(of_splats.x * of_splats.y * 64u, uint(splats.length()));
+    uint end = min(of_splats.x * of_splats.y * 64u, uint(splat_ids.length()));
     for (uint i = counters.splats + lane; i < end; i += 64u) {
-        splats[i] = splats[0];
+        splat_ids[i] = splat_ids[0];
     }
     uvec2 of_small = groups_of(counters.small);
     uint room = uint(indices.length()) / 3u;

@@ -23,6 +23,9 @@ layout(set = 0, binding = 7, std430) writeonly buffer Indices {
     uint indices[];
 };
 
+// Bit of the second word of a splat that is a leaf, see `abi::SplatId`.
+const uint LEAF = 1u << 31;
+
 // How many triangles of a workgroup compute draws, and where they go.
 shared uint own_small;
 shared uint small_at;
@@ -75,11 +78,9 @@ void main() {
 
     bool is_splat = is_kept && is_small(ball);
     bool is_triangle = is_kept && !is_splat;
-    Patch patch_of_leaf = Patch(0u, 0u, 0.0);
     if (is_splat) {
         VertexRecord corners_of_leaf[3] = VertexRecord[3](vertices[index.x], vertices[index.y], vertices[index.z]);
-        patch_of_leaf = patch_of(corners_of_leaf, false);
-        is_splat = patch_of_leaf.area != 0.0;
+        is_splat = patch_of(corners_of_leaf, false).area != 0.0;
     }
     uint splat = is_splat ? atomicAdd(own_splats, 1u) : 0u;
     bool is_fine = is_triangle && is_for_compute(ball);
@@ -95,8 +96,7 @@ void main() {
     }
     barrier();
     if (is_splat && splats_at + splat < cut.most_splats) {
-        splats[splats_at + splat] =
-            SplatRecord(float[3](center.x, center.y, center.z), 0.0, patch_of_leaf.normal, patch_of_leaf.color);
+        splat_ids[splats_at + splat] = uvec2(id, LEAF);
     }
     uint number = is_fine ? small_at + fine : others_at + triangle;
     uint room = uint(indices.length()) / 3u;

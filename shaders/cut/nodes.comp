@@ -1,6 +1,6 @@
 #version 460
 // Pass cut.tree, for every level: which nodes are dropped, which are splats or rows of splats, and of which the children are
-// looked at. An invocation does one node, four those of a sibling group; the host does the same in `cut::Selector`.
+// looked at. An invocation does one node, four those of a sibling group; the host does the same in `cut::CutSelector`.
 #include "common/cut_lists.glsl"
 #include "common/row.glsl"
 
@@ -76,17 +76,6 @@ uint row_of(uint id, NodeRecord node, Ball ball) {
     return count <= most ? uint(count) : 0u;
 }
 
-void put_row(uint at, uint id, NodeRecord node, uint count) {
-    AttributesRecord of = attributes[id];
-    for (uint i = 0u; i < count; ++i) {
-        SplatRecord splat = splat_of_row(node, of, count, i);
-        splat.radius = 0.0;
-        if (at + i < cut.most_splats) {
-            splats[at + i] = splat;
-        }
-    }
-}
-
 void main() {
     begin_group();
     uint group = ITEM / 4u;
@@ -135,10 +124,8 @@ void main() {
     }
     barrier();
     splat += splats_at;
-    if (own > 0u && is_row) {
-        put_row(splat, id, node, own);
-    } else if (own > 0u && splat < cut.most_splats) {
-        splats[splat] = SplatRecord(node.center, 0.0, attributes[id].normal, attributes[id].color);
+    for (uint i = 0u; i < own && splat + i < cut.most_splats; ++i) {
+        splat_ids[splat + i] = uvec2(id, is_row ? (own << 16) | i : 0u);
     }
     if (is_open && others_at + other < uint(opened.length())) {
         bool is_within = asks_volume && is_inside(least, ball);

@@ -137,7 +137,8 @@ enum CutOnName {
     /// The device where it can and was measured to be faster, else the processor
     Auto,
     /// The processor
-    Host,
+    #[value(alias = "host")]
+    Processor,
     /// The device; an error where it cannot
     Device,
 }
@@ -247,7 +248,7 @@ pub(crate) struct LookArgs {
     /// ellipses of --method pop, and blended, filtered and visibility splats of pop and splats
     #[arg(long, value_enum, default_value = "auto")]
     path: PathName,
-    /// What goes down the tree; the picture is the same. The device knows squares and discs of --method pop
+    /// What goes down the tree; the picture is the same. The device knows splats of --method pop but filtered ones
     #[arg(long, value_enum, default_value = "auto")]
     cut_on: CutOnName,
     /// Where the CPU starts when it goes down the tree for a frame; the picture is the same
@@ -456,7 +457,7 @@ impl LookArgs {
             },
             cut_on: match self.cut_on {
                 CutOnName::Auto => CutOn::Auto,
-                CutOnName::Host => CutOn::Host,
+                CutOnName::Processor => CutOn::Processor,
                 CutOnName::Device => CutOn::Device,
             },
             traversal: match self.traversal {

@@ -141,7 +141,7 @@ pub(crate) enum CutPlace {
     /// Nobody: the whole model is drawn.
     Nowhere,
     /// The processor.
-    Host,
+    Processor,
     /// The device, which draws it without telling.
     Device,
 }
@@ -282,12 +282,15 @@ impl FramePlan {
             _ => may_use_compute(&settings, outputs, size, capabilities)?,
         };
         let cut_place = cut_place(&settings, &facts, is_one, capabilities)?;
+        // What compute draws of fuzzy splats only the processor makes.
+        let is_chosen = cut_place == CutPlace::Device;
+        let may_use_compute = may_use_compute && !(is_chosen && technique == Technique::Fuzzy);
         let uploads_ids = cut_place != CutPlace::Device
             && uploads_ids(&settings, may_use_compute, is_one, capabilities)?;
         let is_whole = settings.method == Method::Splats;
         let has_own_sizes = is_whole || !facts.kind.is_surface() || settings.holds_cut();
         let is_by_compute =
-            cut_place == CutPlace::Host && technique == Technique::Opaque && may_use_compute;
+            cut_place == CutPlace::Processor && technique == Technique::Opaque && may_use_compute;
         let max_point_px = match is_by_compute {
             true => compute_limits::largest_point_px(&settings),
             false => capabilities.max_point_px,
@@ -446,7 +449,7 @@ fn cut_place(
     capabilities: &RendererCapabilities,
 ) -> Result<CutPlace, Error> {
     let usual = match settings.has_cut() {
-        true => CutPlace::Host,
+        true => CutPlace::Processor,
         false => CutPlace::Nowhere,
     };
     let plan = splat_plan(settings, capabilities.max_point_px);
@@ -455,7 +458,7 @@ fn cut_place(
         false => Some("several models are drawn together"),
     };
     match (settings.cut_on, refusal) {
-        (CutOn::Host, _) | (CutOn::Auto, Some(_)) => Ok(usual),
+        (CutOn::Processor, _) | (CutOn::Auto, Some(_)) => Ok(usual),
         (CutOn::Device, Some(why)) => Err(Error::Unsupported {
             what: "the cut on the device",
             why: why.into(),

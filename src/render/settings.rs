@@ -119,7 +119,7 @@ pub enum CutOn {
     #[default]
     Auto,
     /// The processor.
-    Host,
+    Processor,
     /// The device; refused where it cannot.
     Device,
 }

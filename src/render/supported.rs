@@ -3,7 +3,7 @@
 use crate::cut::SizeMetric;
 use crate::gpu::Error;
 use crate::pack::splats::SplatPlan;
-use crate::pack::{ColorBy, Footprint, ids};
+use crate::pack::{ColorBy, ids};
 use crate::progress::SilentProgress;
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::technique::Technique;
@@ -285,18 +285,27 @@ pub(crate) fn device_cut_refusal(
     facts: &DrawnFacts,
     plan: &SplatPlan,
 ) -> Option<&'static str> {
-    if settings.method != Method::Pop || Technique::of(settings) != Technique::Opaque {
-        Some("it knows opaque squares and discs of --method pop")
-    } else if settings.footprint() == Footprint::Oriented || settings.size != SizeMetric::Exact {
-        Some("it knows squares and discs of one size, by --metric exact")
+    let technique = Technique::of(settings);
+    if settings.method != Method::Pop {
+        Some("it draws triangles beside splats; use --method pop")
+    } else if technique == Technique::Filtered {
+        Some(
+            "filtered splats depend on the view, and the processor makes them; use another --splat",
+        )
+    } else if technique == Technique::Polygons || settings.drawn_polygons().is_some() {
+        Some(
+            "oriented polygons are chosen by the processor; leave --error and splats from vertices out",
+        )
+    } else if technique == Technique::Fuzzy && settings.path == Path::Compute {
+        Some("what compute draws of fuzzy splats the processor makes; use --path raster")
+    } else if settings.size != SizeMetric::Exact {
+        Some("it knows one measure of size; use --metric exact")
     } else if settings.threshold_px < 1.0 {
         Some("it knows no splats below a pixel; use a threshold of at least 1")
     } else if settings.holds_cut() {
         Some("the cut is held")
     } else if settings.section.is_some() {
         Some("a section is cut by the processor")
-    } else if settings.color_by == ColorBy::Overdraw {
-        Some("overdraw is counted of the processor's lists; use another --color-by")
     } else if settings.color_by == ColorBy::Level {
         Some("it does not tell levels of the tree; use another --color-by")
     } else if facts.has_textures {

@@ -155,10 +155,10 @@ fn the_device_chooses_cuts_where_it_is_asked_or_sooner() {
         fits_device_cut: false,
         ..sooner
     };
-    assert_eq!(place(CutOn::Auto, &CARD), CutPlace::Host);
+    assert_eq!(place(CutOn::Auto, &CARD), CutPlace::Processor);
     assert_eq!(place(CutOn::Auto, &sooner), CutPlace::Device);
-    assert_eq!(place(CutOn::Auto, &too_large), CutPlace::Host);
-    assert_eq!(place(CutOn::Host, &sooner), CutPlace::Host);
+    assert_eq!(place(CutOn::Auto, &too_large), CutPlace::Processor);
+    assert_eq!(place(CutOn::Processor, &sooner), CutPlace::Processor);
     assert_eq!(place(CutOn::Device, &CARD), CutPlace::Device);
     let gauss = Settings {
         splat: SplatKind::Gauss,

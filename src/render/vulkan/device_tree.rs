@@ -67,6 +67,17 @@ impl DeviceTree {
         self.scene == scene.id()
     }
 
+    /// What records of splats are made of: the tree, and the vertices of the page that it lies in.
+    pub(crate) fn buffers_of_splats<'a>(&'a self, page: &'a ScenePage) -> [&'a dyn AnyBuffer; 5] {
+        [
+            &self.nodes,
+            &self.attributes,
+            &self.leaves,
+            &self.corners,
+            &page.vertices,
+        ]
+    }
+
     /// Bytes of all of it.
     pub(crate) fn bytes(&self) -> u64 {
         let all = [&self.nodes, &self.attributes, &self.leaves, &self.corners];

@@ -1,5 +1,5 @@
-//! Draw lists by number: the host writes which nodes and leaves a frame draws, and the device, which has the tree, makes
-//! the records and corners of them that its other passes draw.
+//! Draw lists by number: the host, or the device itself ([`crate::render::vulkan::device_cut`]), writes which nodes and
+//! leaves a frame draws, and the device, which has the tree, makes the records and corners that its other passes draw.
 //!
 //! So the host looks at no attributes, and 8 bytes a splat and 4 a triangle go to the device instead of 24 (28 with areas)
 //! and 12. The records are the same to the bit, in the same places, but for roots and quotients on devices that round them
@@ -13,10 +13,13 @@ use crate::gpu::buffer::{AnyBuffer, DeviceBuffer, UploadBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
+use crate::pack::Footprint;
 use crate::pack::splats::PackedSplats;
+use crate::render::frame_plan::FramePlan;
+use crate::render::technique::Technique;
 use crate::render::vulkan::device_tree::{DeviceTree, page_of};
 use crate::render::vulkan::draw_lists::DrawLists;
-use crate::render::vulkan::opaque::triangle_runs::PageRange;
+use crate::render::vulkan::raster_pass::{ListArguments, PageRange};
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::Context;
@@ -31,18 +34,37 @@ pub(super) struct IdExpansion {
     has_triangles: bool,
 }
 
-/// What the records of a list have.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ExpandedKind {
+/// Members of the records of a list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ExpandedKind {
     /// Radii of their own.
-    pub(super) are_oriented: bool,
+    pub(crate) are_oriented: bool,
     /// The areas that they stand for.
-    pub(super) have_areas: bool,
+    pub(crate) have_areas: bool,
+}
+
+/// Numbers of splats that the device chose, and where their records go.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ChosenIds<'a> {
+    pub(super) ids: &'a DeviceBuffer,
+    pub(super) records: &'a DeviceBuffer,
+    /// Items that both have room for.
+    pub(super) room: u32,
+    /// A dispatch over all that were chosen.
+    pub(super) groups: ListArguments<'a>,
 }
 
 impl ExpandedKind {
-    /// Of one.
-    fn bytes(self) -> usize {
+    /// Kind that a planned frame draws.
+    pub(crate) fn of(plan: &FramePlan) -> Self {
+        Self {
+            are_oriented: plan.settings.footprint() == Footprint::Oriented,
+            have_areas: plan.technique == Technique::Fuzzy,
+        }
+    }
+
+    /// Bytes of one.
+    pub(super) fn bytes(self) -> usize {
         match self.have_areas {
             true => size_of::<WeightedSplat>(),
             false => size_of::<Splat>(),
@@ -112,6 +134,42 @@ impl IdExpansion {
         self.triangles(frame, tree, triangles, constants)
     }
 
+    /// Pass `lists.splats`: writes the records of numbers that the device chose.
+    ///
+    /// # Errors
+    /// When the scene lies in several pages, or the frame has no room for constants.
+    pub(super) fn record_chosen(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        (tree, scene): (&DeviceTree, &DeviceScene),
+        (chosen, kind): (ChosenIds<'_>, ExpandedKind),
+        context: &Context,
+    ) -> Result<(), Error> {
+        let ChosenIds {
+            ids,
+            records,
+            room,
+            groups,
+        } = chosen;
+        let constants = storage_ranges::constants(context);
+        let (constants, _) = part(frame, constants, 0, room as usize)?;
+        let in_tree = tree.buffers_of_splats(page_of(scene)?);
+        let mut pass = frame.pass("lists.splats").storage_read(ids);
+        for buffer in in_tree {
+            pass = pass.storage_read(buffer);
+        }
+        let [nodes, attributes, leaves, corners, vertices] = in_tree.map(BufferSlice::whole);
+        let (ids, out) = (BufferSlice::whole(ids), BufferSlice::whole(records));
+        let bound = [ids, nodes, attributes, leaves, corners, vertices, out];
+        pass.storage(records)
+            .group_arguments(groups.buffer)
+            .compute(|compute| {
+                compute.bind(&self.splats[kind.index()], &[constants], &bound);
+                compute.groups_from(groups.buffer, groups.offset);
+            });
+        Ok(())
+    }
+
     /// Pass `lists.splats`: writes the records of a list of numbers with so much room.
     fn splats(
         &self,
@@ -134,14 +192,7 @@ impl IdExpansion {
         if parts.is_empty() {
             return Ok(());
         }
-        let page = page_of(scene)?;
-        let in_tree: [&dyn AnyBuffer; 5] = [
-            &tree.nodes,
-            &tree.attributes,
-            &tree.leaves,
-            &tree.corners,
-            &page.vertices,
-        ];
+        let in_tree = tree.buffers_of_splats(page_of(scene)?);
         let mut pass = frame.pass("lists.splats").storage_read(ids);
         for buffer in in_tree {
             pass = pass.storage_read(buffer);

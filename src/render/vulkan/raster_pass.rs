@@ -1,10 +1,10 @@
-//! What the passes of all techniques have in common: a list that the rasterizer draws, and a triangle over the picture.
+//! Means that the passes of all techniques have in common: a list that the rasterizer draws, and a triangle over the picture.
 //!
 //! A technique says which targets a pass has, which pipelines draw its list, and what it leaves to others; how a list is
 //! declared and drawn stands here once.
 
 use crate::gpu::bind::BufferSlice;
-use crate::gpu::buffer::AnyBuffer;
+use crate::gpu::buffer::{AnyBuffer, DeviceBuffer};
 use crate::gpu::frame::{DrawRecorder, PassBuilder, UniformBlock};
 use crate::gpu::image::DeviceImage;
 use crate::gpu::pipeline::ShaderPipeline;
@@ -25,7 +25,7 @@ pub(crate) struct PageRange {
     pub(crate) count: u32,
 }
 
-/// What the rasterizer draws of a scene in a pass: triangles, then splats.
+/// List that the rasterizer draws of a scene in a pass: triangles, then splats.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RasterList<'a> {
     pub(crate) scene: &'a DeviceScene,
@@ -33,14 +33,36 @@ pub(crate) struct RasterList<'a> {
     pub(crate) splats: RasterSplats<'a>,
 }
 
-/// Where triangles come from.
+/// Source of triangles.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum RasterTriangles<'a> {
     /// All of the scene.
     Scene,
     /// Runs of a buffer of indices; there may be none.
     Runs(&'a dyn AnyBuffer, &'a [PageRange]),
+    /// Indices of the first page, as many as the device says.
+    Chosen(&'a dyn AnyBuffer, ListArguments<'a>),
     Nothing,
+}
+
+/// Place in a buffer where the device wrote arguments of a draw or a dispatch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ListArguments<'a> {
+    pub(crate) buffer: &'a DeviceBuffer,
+    /// Bytes.
+    pub(crate) offset: u64,
+}
+
+/// Records of splats that are points, as many as the device says.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ChosenSplats<'a> {
+    pub(crate) records: &'a DeviceBuffer,
+    /// Most that there can be.
+    pub(crate) room: u32,
+    /// A draw of all.
+    pub(crate) draw: ListArguments<'a>,
+    /// A dispatch over all, of workgroups that copies of the first one fill up.
+    pub(crate) groups: ListArguments<'a>,
 }
 
 impl RasterTriangles<'_> {
@@ -49,16 +71,19 @@ impl RasterTriangles<'_> {
         match self {
             Self::Scene => false,
             Self::Runs(_, runs) => runs.is_empty(),
+            Self::Chosen(..) => false,
             Self::Nothing => true,
         }
     }
 }
 
-/// Where splats come from.
+/// Source of splats.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum RasterSplats<'a> {
     /// Records of a draw list.
     Records(SplatRecords<'a>),
+    /// Records that the device made of a cut of its own.
+    Chosen(ChosenSplats<'a>),
     /// All vertices of the scene, as quads or as points.
     Vertices {
         /// Vertices may be too large for points.
@@ -127,7 +152,7 @@ impl<'a> SplatRecords<'a> {
     }
 }
 
-/// What draws a list; a pipeline that the list never needs is none.
+/// Pipelines that draw a list; one that the list never needs is none.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct RasterPipelines<'a> {
     pub(crate) triangles: Option<&'a ShaderPipeline>,
@@ -145,7 +170,7 @@ impl RasterList<'_> {
     pub(crate) fn is_empty(&self) -> bool {
         let has_splats = match &self.splats {
             RasterSplats::Records(records) => !records.is_empty(),
-            RasterSplats::Vertices { .. } => true,
+            RasterSplats::Vertices { .. } | RasterSplats::Chosen(_) => true,
             RasterSplats::Polygons(_, count) => *count > 0,
             RasterSplats::Nothing => false,
         };
@@ -183,14 +208,23 @@ impl RasterList<'_> {
                 }
             }
         }
-        if let RasterTriangles::Runs(indices, _) = self.triangles {
-            pass = pass.indices(indices);
-            for vertices in self.scene.pooled_buffers() {
-                pass = pass.vertices(vertices);
+        match self.triangles {
+            RasterTriangles::Runs(indices, _) => {
+                pass = pass.indices(indices);
+                for vertices in self.scene.pooled_buffers() {
+                    pass = pass.vertices(vertices);
+                }
             }
+            RasterTriangles::Chosen(indices, arguments) => {
+                pass = pass.indices(indices).arguments(arguments.buffer);
+            }
+            RasterTriangles::Scene | RasterTriangles::Nothing => {}
         }
         match &self.splats {
             RasterSplats::Records(records) => pass.vertices(records.buffer),
+            RasterSplats::Chosen(chosen) => {
+                pass.vertices(chosen.records).arguments(chosen.draw.buffer)
+            }
             RasterSplats::Polygons(polygons, _) => pass.vertices(*polygons),
             RasterSplats::Vertices { .. } | RasterSplats::Nothing => pass,
         }
@@ -266,6 +300,14 @@ fn draw_triangles(
                 draw.draw_indexed(run.first, run.count, 0);
             }
         }
+        RasterTriangles::Chosen(indices, arguments) => {
+            if let Some(page) = list.scene.pages.first() {
+                bind(draw, page);
+                draw.indices(indices, 0);
+                draw.vertices(&page.vertices, 0);
+                draw.draw_indexed_from(arguments.buffer, arguments.offset);
+            }
+        }
         RasterTriangles::Nothing => {}
     }
 }
@@ -285,6 +327,11 @@ fn draw_splats(
                     draw_range(draw, range, are_quads);
                 }
             }
+        }
+        RasterSplats::Chosen(chosen) => {
+            bind_splats(draw, pipelines, false, constants);
+            draw.vertices(chosen.records, 0);
+            draw.draw_from(chosen.draw.buffer, chosen.draw.offset);
         }
         RasterSplats::Vertices { as_quads } => {
             let are_quads = bind_splats(draw, pipelines, as_quads, constants);
@@ -335,7 +382,7 @@ fn draw_range(draw: &mut DrawRecorder<'_>, range: RecordRange, are_quads: bool) 
     }
 }
 
-/// What a triangle over the picture is drawn with.
+/// Pipeline and inputs of a triangle over the picture.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScreenDraw<'a> {
     pub(crate) pipeline: &'a ShaderPipeline,

@@ -36,7 +36,7 @@ use crate::render::stats::OverdrawSummary;
 use crate::render::stats::{CutAhead, FrameCounts, FrameStage, KeptWork};
 use crate::render::vulkan::blended::filtered::FilteredPasses;
 use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
-use crate::render::vulkan::device_cut::DeviceCut;
+use crate::render::vulkan::device_cut::{ChosenKey, DeviceCut};
 use crate::render::vulkan::device_tree::DeviceTree;
 use crate::render::vulkan::draw_lists::DrawLists;
 use crate::render::vulkan::expand_ids::IdExpansion;
@@ -116,7 +116,7 @@ pub struct VulkanRenderer {
     by_id: Option<IdExpansion>,
     device_cut: Option<DeviceCut>,
     /// What its lists are of.
-    held_on_device: Option<(u64, CutKey, bool)>,
+    held_on_device: Option<ChosenKey>,
     /// The scene whose cuts do not fit the device, and the one whose tree does not.
     too_large: [Option<u64>; 2],
     triangles: Option<(TriangleVariant, ShaderPipeline)>,

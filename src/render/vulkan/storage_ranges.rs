@@ -3,10 +3,11 @@
 use crate::abi::{ListConstants, Splat};
 use crate::gpu::Error;
 use crate::gpu::bind::BufferSlice;
-use crate::gpu::buffer::{AnyBuffer, DeviceBuffer};
+use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
+use crate::render::vulkan::raster_pass::ListArguments;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::targets::Context;
 
@@ -28,11 +29,11 @@ pub(crate) struct ComputeList<'a> {
     pub(crate) groups: Option<ListGroups<'a>>,
 }
 
-/// Buffers with arguments of dispatches, and at which byte.
+/// Arguments of dispatches over the lists of a cut.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ListGroups<'a> {
-    pub(crate) splats: (&'a DeviceBuffer, u64),
-    pub(crate) triangles: (&'a DeviceBuffer, u64),
+    pub(crate) splats: ListArguments<'a>,
+    pub(crate) triangles: ListArguments<'a>,
 }
 
 /// Triangles of a scene: their corner indices, page by page.

@@ -23,24 +23,10 @@ use crate::pack::Footprint;
 use crate::render::compute_limits::storage_bytes;
 use crate::render::screen_bounds;
 use crate::render::technique::Technique;
-use crate::render::vulkan::opaque::triangle_runs::PageRange;
 use crate::render::vulkan::raster_pass;
-use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::storage_ranges::BoundItems;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
-
-/// Lists that the device wrote, of one page of a scene, with room for so many records; and where it left the workgroups that
-/// draw them.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct ChosenLists<'a> {
-    pub(crate) splats: &'a DeviceBuffer,
-    pub(crate) most_splats: u32,
-    pub(crate) corners: &'a DeviceBuffer,
-    pub(crate) most_triangles: u32,
-    pub(crate) splat_groups: (&'a DeviceBuffer, u64),
-    pub(crate) triangle_groups: (&'a DeviceBuffer, u64),
-}
 
 /// What shades what each pixel kept.
 #[derive(Debug)]
@@ -184,41 +170,6 @@ impl ComputeRasterizer {
         Ok(())
     }
 
-    /// The passes of [`ComputeRasterizer::record`] for lists that the device chose, after the large triangles: over the whole
-    /// rectangle that something may be drawn in, and with as many workgroups as the lists ask for.
-    ///
-    /// # Errors
-    /// When the frame has no room for the constants.
-    pub(crate) fn record_chosen(
-        &self,
-        frame: &mut FrameRecorder<'_>,
-        targets: &FrameTargets,
-        ((lists, variant), scene): ((ChosenLists<'_>, ComputeVariant), &DeviceScene),
-        context: &Context,
-        constants: UniformBlock,
-    ) -> Result<(), Error> {
-        let run = PageRange {
-            page: 0,
-            first: 0,
-            count: 3 * lists.most_triangles,
-        };
-        let list = ComputeList {
-            scene,
-            corners: lists.corners,
-            runs: &[run],
-            splats: lists.splats,
-            splat_count: lists.most_splats,
-            sample_count: 0,
-            variant,
-            areas: &[context.rect_px],
-            groups: Some(ListGroups {
-                splats: lists.splat_groups,
-                triangles: lists.triangle_groups,
-            }),
-        };
-        self.record(frame, targets, list, (context, false), constants)
-    }
-
     /// Passes compute.clear, compute.triangles, compute.splats and compute.resolve.
     /// Keeps what the targets hold where it is nearer; where these passes are the first of the frame, that is nothing.
     ///
@@ -258,7 +209,7 @@ impl ComputeRasterizer {
                 pass = pass.storage_read(vertices);
             }
             if let Some(groups) = list.groups {
-                pass = pass.group_arguments(groups.triangles.0);
+                pass = pass.group_arguments(groups.triangles.buffer);
             }
             pass.compute(|compute| {
                 for &((part, uniform, count), vertices) in triangles {
@@ -268,7 +219,9 @@ impl ComputeRasterizer {
                         &[part, vertices, keys],
                     );
                     match list.groups {
-                        Some(groups) => compute.groups_from(groups.triangles.0, groups.triangles.1),
+                        Some(ListGroups { triangles, .. }) => {
+                            compute.groups_from(triangles.buffer, triangles.offset);
+                        }
                         None => compute.items(count),
                     }
                 }
@@ -287,13 +240,15 @@ impl ComputeRasterizer {
                 .storage_read(list.splats)
                 .storage(&self.keys);
             if let Some(groups) = list.groups {
-                pass = pass.group_arguments(groups.splats.0);
+                pass = pass.group_arguments(groups.splats.buffer);
             }
             pass.compute(|compute| {
                 for &(variant, (part, uniform, count)) in splats {
                     compute.bind(pipeline(variant), &[constants, uniform], &[part, keys]);
                     match list.groups {
-                        Some(groups) => compute.groups_from(groups.splats.0, groups.splats.1),
+                        Some(ListGroups { splats, .. }) => {
+                            compute.groups_from(splats.buffer, splats.offset);
+                        }
                         None => compute.items(count),
                     }
                 }

@@ -4,8 +4,7 @@
 
 use crate::abi::specialization::{IS_ORIENTED, IS_QUAD};
 use crate::abi::{CompiledShader, shaders};
-use crate::gpu::buffer::DeviceBuffer;
-use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::{
     DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
 };
@@ -127,27 +126,6 @@ impl OpaqueSplats {
         }
         let pass = targets.attach_after(frame.pass("opaque.splats"), context, is_first);
         raster_pass::draw(pass, &list, self.pipelines(), context, constants);
-    }
-
-    /// Pass `opaque.splats`: the points of a list by the arguments at an offset of a buffer. Keeps what the triangles left.
-    pub(crate) fn record_from(
-        &self,
-        frame: &mut FrameRecorder<'_>,
-        targets: &FrameTargets,
-        (list, (arguments, offset)): (&DeviceBuffer, (&DeviceBuffer, u64)),
-        context: &Context,
-        constants: UniformBlock,
-    ) {
-        let pass = targets
-            .attach_with(frame.pass("opaque.splats"), context, |_| TargetLoad::Keep)
-            .vertices(list)
-            .arguments(arguments);
-        pass.draw(context.viewport(), |draw| {
-            draw.cull_back_faces(false, false);
-            draw.bind(&self.points, &[constants], &[]);
-            draw.vertices(list, 0);
-            draw.draw_from(arguments, offset);
-        });
     }
 
     /// Pass `points.draw`: all used vertices of all pages. Clears the targets.

@@ -1,10 +1,11 @@
 //! Frames of the methods that draw a cut: its draw lists are written into mapped memory, then drawn.
 
+use crate::abi::CutConstants;
 use crate::gpu::Error;
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, FrameTicket, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
-use crate::pack::{ColorBy, Footprint};
+use crate::pack::ColorBy;
 use crate::render::cost::choose::{ComputeShare, FrameWorkload};
 use crate::render::cost::select_passes;
 use crate::render::cost::select_passes::PassSelection;
@@ -18,8 +19,9 @@ use crate::render::vulkan::blended::compute as blended_compute;
 use crate::render::vulkan::blended::filtered::FilteredPasses;
 use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::blended::{filtered, fuzzy};
+use crate::render::vulkan::device_cut::DeviceCut;
 use crate::render::vulkan::draw_lists::{DrawLists, PackInput, PackedFrame};
-use crate::render::vulkan::expand_ids;
+use crate::render::vulkan::expand_ids::ExpandedKind;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
@@ -70,7 +72,7 @@ impl VulkanRenderer {
         }
         upload.end(&mut times);
         let submit = FrameStage::Submit.begin();
-        let ticket = self.record_cut(drawn, slot, end)?;
+        let ticket = self.record_cut(drawn, ListPlace::Slot(slot), end)?;
         self.lists[slot].are_made();
         submit.end(&mut times);
         times.counts = self.lists[slot].counts();
@@ -122,19 +124,10 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    /// Records and submits the passes that draw the lists of a slot.
-    fn record_cut(
-        &mut self,
-        drawn: PlannedFrame<'_>,
-        slot: usize,
-        end: &mut FrameEnding<'_>,
-    ) -> Result<FrameTicket, Error> {
-        let PlannedFrame { plan, parts, scene } = drawn;
-        let lists = &self.lists[slot];
-        let Some(held) = lists.held else {
-            unreachable!("packed now or before")
-        };
-        let share = held.selection.share.unwrap_or_else(|| {
+    /// Share of compute in blended splats that were packed.
+    fn share_of(&self, drawn: PlannedFrame<'_>, held: &PackedFrame) -> ComputeShare {
+        let PlannedFrame { plan, parts, .. } = drawn;
+        held.selection.share.unwrap_or_else(|| {
             let workload = FrameWorkload {
                 splats: held.packed.points,
                 triangles: held.triangles,
@@ -142,22 +135,47 @@ impl VulkanRenderer {
             };
             let has_large = plan.primitives.has_large_splats;
             workload.blended(held.triangles + held.packed.quads, has_large)
-        });
-        let areas = match held.selection.has_splats_by_compute {
-            // A graphics card goes over a pixel sooner than it begins another draw.
-            true if !self.gpu.info().is_cpu() => vec![plan.context.rect_px],
-            true => {
-                let margin_px = margin_px(plan.largest_px);
-                screen_bounds::areas(parts, &plan.view, plan.context.rect_px, margin_px)
+        })
+    }
+
+    /// Parts of the picture in which compute may draw splats.
+    fn compute_areas(&self, drawn: PlannedFrame<'_>) -> Vec<[u32; 4]> {
+        let PlannedFrame { plan, parts, .. } = drawn;
+        // A graphics card goes over a pixel sooner than it begins another draw.
+        if !self.gpu.info().is_cpu() {
+            return vec![plan.context.rect_px];
+        }
+        let margin_px = margin_px(plan.largest_px);
+        screen_bounds::areas(parts, &plan.view, plan.context.rect_px, margin_px)
+    }
+
+    /// Records and submits the passes that draw lists.
+    pub(super) fn record_cut(
+        &mut self,
+        drawn: PlannedFrame<'_>,
+        place: ListPlace<'_>,
+        end: &mut FrameEnding<'_>,
+    ) -> Result<FrameTicket, Error> {
+        let PlannedFrame { plan, scene, .. } = drawn;
+        let lists = match (place, &self.device_cut) {
+            (ListPlace::Slot(slot), _) => {
+                let lists = &self.lists[slot];
+                let Some(held) = &lists.held else {
+                    unreachable!("packed now or before")
+                };
+                CutLists::Packed(lists, held, self.share_of(drawn, held))
             }
+            (ListPlace::Device(_), Some(cut)) => CutLists::Chosen(cut, plan.draws_cut_by_compute),
+            (ListPlace::Device(_), None) => unreachable!("prepare made room for the cut"),
+        };
+        let areas = match lists.has_splats_by_compute() {
+            true => self.compute_areas(drawn),
             false => Vec::new(),
         };
         let variant = OpaqueSplats::variant_of(&plan.settings, plan.constants.flags);
         let passes = CutPasses {
             drawn,
             lists,
-            held,
-            share,
             areas: &areas,
             targets: &self.targets,
             triangles: self.triangles.as_ref().map(|(_, pipeline)| pipeline),
@@ -172,11 +190,19 @@ impl VulkanRenderer {
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&plan.constants)?;
         if let (Some(by_id), Some(tree)) = (&self.by_id, &self.device_tree) {
-            let kind = expand_ids::ExpandedKind {
-                are_oriented: plan.settings.footprint() == Footprint::Oriented,
-                have_areas: plan.technique == Technique::Fuzzy,
-            };
-            by_id.record(&mut frame, (tree, scene), (lists, kind), &plan.context)?;
+            let (tree, kind) = ((tree, scene), ExpandedKind::of(plan));
+            match (lists, place) {
+                (CutLists::Packed(lists, ..), _) => {
+                    by_id.record(&mut frame, tree, (lists, kind), &plan.context)?;
+                }
+                (CutLists::Chosen(cut, _), ListPlace::Device(Some(tests))) => {
+                    let tests = frame.uniform(tests)?;
+                    cut.choose(&mut frame, tree, tests);
+                    let chosen = (cut.chosen_ids(), kind);
+                    by_id.record_chosen(&mut frame, tree, chosen, &plan.context)?;
+                }
+                (CutLists::Chosen(cut, _), _) => cut.count(&mut frame),
+            }
         }
         passes.record(&mut frame, constants)?;
         let last = FrameEnd {
@@ -188,13 +214,46 @@ impl VulkanRenderer {
     }
 }
 
-/// What draws the lists of a frame.
+/// Place where the lists of a frame are.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum ListPlace<'a> {
+    /// Mapped memory of a slot.
+    Slot(usize),
+    /// Memory of the device, and constants that choose its cut; none where the lists of the last frame stay.
+    Device(Option<&'a CutConstants>),
+}
+
+/// Lists of a frame.
+#[derive(Debug, Clone, Copy)]
+enum CutLists<'a> {
+    /// Packed by the processor; what compute draws of blended splats.
+    Packed(&'a DrawLists, &'a PackedFrame, ComputeShare),
+    /// Chosen by the device; compute draws what is small, or nothing.
+    Chosen(&'a DeviceCut, bool),
+}
+
+impl CutLists<'_> {
+    /// Tells whether compute draws splats that are not blended.
+    fn has_splats_by_compute(&self) -> bool {
+        match self {
+            Self::Packed(_, held, _) => held.selection.has_splats_by_compute,
+            Self::Chosen(_, by_compute) => *by_compute,
+        }
+    }
+
+    /// Number of oriented polygons.
+    fn polygons(&self) -> usize {
+        match self {
+            Self::Packed(_, held, _) => held.polygons,
+            Self::Chosen(..) => 0,
+        }
+    }
+}
+
+/// Passes and pipelines that draw the lists of a frame.
 struct CutPasses<'a> {
     drawn: PlannedFrame<'a>,
-    lists: &'a DrawLists,
-    held: PackedFrame,
-    /// What compute draws of blended splats.
-    share: ComputeShare,
+    lists: CutLists<'a>,
     /// Parts of the picture in which anything can be.
     areas: &'a [[u32; 4]],
     targets: &'a FrameTargets,
@@ -226,14 +285,17 @@ impl<'a> CutPasses<'a> {
                 fuzzy.record(frame, targets, list, context, constants)?;
             }
             (Technique::Filtered, _, Some(filtered), _) => {
+                let CutLists::Packed(lists, held, share) = self.lists else {
+                    unreachable!("the device chooses no filtered splats")
+                };
                 let list = filtered::FilteredLists {
                     raster,
-                    small: self.blended_by_compute(self.held.packed.points),
+                    small: self.blended_by_compute(lists, held.packed.points),
                 };
-                filtered.record(frame, targets, list, self.share, context, constants)?;
+                filtered.record(frame, targets, list, share, context, constants)?;
             }
             (Technique::Visibility, .., Some(visibility)) => {
-                let by_compute = self.held.selection.has_splats_by_compute;
+                let by_compute = self.lists.has_splats_by_compute();
                 let list = hardware::VisibilityLists {
                     raster,
                     by_compute: by_compute.then_some(self.areas),
@@ -262,66 +324,89 @@ impl<'a> CutPasses<'a> {
         let (Some(pipeline), Some(splats)) = (self.triangles, self.opaque) else {
             unreachable!("prepare made the pipelines")
         };
-        let (plan, lists, held) = (self.drawn.plan, self.lists, &self.held);
-        let small = (self.small).filter(|_| held.selection.has_splats_by_compute);
-        let records = self.records();
-        let records = match small {
-            Some(_) => records.without_points(),
-            None => records,
-        };
-        let list = RasterList {
-            splats: RasterSplats::Records(records),
-            ..self.raster()
-        };
-        let small_list = ComputeList {
-            scene: self.drawn.scene,
-            corners: lists.small(),
-            runs: &lists.small_runs,
-            splats: lists.splats(),
-            splat_count: held.packed.points as u32,
-            sample_count: held.samples as u32,
-            variant: ComputeVariant::of(plan),
-            areas: self.areas,
-            groups: None,
-        };
+        let plan = self.drawn.plan;
+        let small = (self.small).filter(|_| self.lists.has_splats_by_compute());
+        let list = self.opaque_list(small.is_some());
+        let small = small.map(|small| (small, self.small_list(ComputeVariant::of(plan))));
         let (targets, context) = (self.targets, &plan.context);
-        let has_small = small.is_some() && !small_list.is_empty();
-        let has_splats = !records.is_empty();
-        let polygons = self.polygons.filter(|_| held.polygons > 0);
+        let has_small = small.is_some_and(|(_, list)| !list.is_empty());
+        let has_splats = !list.only_splats().is_empty();
+        let has_polygons = self.lists.polygons() > 0;
         // Polygons clear nothing.
         let is_first_of_many = has_small || has_splats;
-        let has_triangles = !lists.runs.is_empty() || polygons.is_some() || !is_first_of_many;
+        let has_triangles = !list.triangles.is_empty() || has_polygons || !is_first_of_many;
         if has_triangles {
             triangle_runs::record_triangles(frame, pipeline, targets, &list, context, constants);
         }
-        if let Some(polygons) = polygons {
+        if let (Some(polygons), CutLists::Packed(lists, held, _), true) =
+            (self.polygons, self.lists, has_polygons)
+        {
             let list: (&dyn AnyBuffer, usize) = (&lists.polygons, held.polygons);
             polygons.record(frame, targets, list, context, constants)?;
         }
-        if let Some(small) = small {
+        if let Some((small, list)) = small {
             let context = (context, !has_triangles);
-            small.record(frame, targets, small_list, context, constants)?;
+            small.record(frame, targets, list, context, constants)?;
         }
         let context = (context, !has_triangles && !has_small);
         splats.record_list(frame, targets, &list, context, constants);
         Ok(())
     }
 
-    /// The splats of the lists.
-    fn records(&self) -> SplatRecords<'a> {
-        SplatRecords::packed(self.lists.splats(), self.held.packed, self.held.capacity)
+    /// The lists as the rasterizer draws opaque splats, without what compute draws.
+    fn opaque_list(&self, by_compute: bool) -> RasterList<'a> {
+        let raster = self.raster();
+        let splats = match (self.lists, by_compute) {
+            (CutLists::Packed(lists, held, _), _) => {
+                let records = packed_records(lists, held);
+                RasterSplats::Records(match by_compute {
+                    true => records.without_points(),
+                    false => records,
+                })
+            }
+            (CutLists::Chosen(..), true) => RasterSplats::Nothing,
+            (CutLists::Chosen(..), false) => raster.splats,
+        };
+        RasterList { splats, ..raster }
+    }
+
+    /// The lists as compute draws opaque splats and triangles of a few pixels.
+    fn small_list(&self, variant: ComputeVariant) -> ComputeList<'a> {
+        let (scene, areas) = (self.drawn.scene, self.areas);
+        match self.lists {
+            CutLists::Packed(lists, held, _) => ComputeList {
+                scene,
+                corners: lists.small(),
+                runs: &lists.small_runs,
+                splats: lists.splats(),
+                splat_count: held.packed.points as u32,
+                sample_count: held.samples as u32,
+                variant,
+                areas,
+                groups: None,
+            },
+            CutLists::Chosen(cut, _) => cut.compute_list(scene, (variant, areas)),
+        }
     }
 
     /// All of the lists, as the rasterizer draws it.
     fn raster(&self) -> RasterList<'a> {
-        RasterList {
-            scene: self.drawn.scene,
-            triangles: RasterTriangles::Runs(self.lists.indices(), &self.lists.runs),
-            splats: match (self.held.polygons, self.drawn.plan.technique) {
-                (1.., Technique::Fuzzy | Technique::Visibility) => {
-                    RasterSplats::Polygons(&self.lists.polygons, self.held.polygons as u32)
-                }
-                _ => RasterSplats::Records(self.records()),
+        let scene = self.drawn.scene;
+        match self.lists {
+            CutLists::Packed(lists, held, _) => RasterList {
+                scene,
+                triangles: RasterTriangles::Runs(lists.indices(), &lists.runs),
+                splats: match (held.polygons, self.drawn.plan.technique) {
+                    (1.., Technique::Fuzzy | Technique::Visibility) => {
+                        RasterSplats::Polygons(&lists.polygons, held.polygons as u32)
+                    }
+                    _ => RasterSplats::Records(packed_records(lists, held)),
+                },
+            },
+            CutLists::Chosen(cut, _) => RasterList {
+                scene,
+                triangles: cut.triangles(),
+                splats: cut.splats(),
             },
         }
     }
@@ -329,18 +414,24 @@ impl<'a> CutPasses<'a> {
     /// The lists as fuzzy splats are drawn: by compute, and what that leaves to the rasterizer.
     fn fuzzy_lists(&self) -> fuzzy::FuzzyLists<'a> {
         let raster = self.raster();
-        let by_compute = self.held.selection.has_blended_by_compute();
+        let CutLists::Packed(lists, held, _) = self.lists else {
+            return fuzzy::FuzzyLists {
+                raster,
+                small: None,
+            };
+        };
+        let by_compute = held.selection.has_blended_by_compute();
         if let (RasterSplats::Polygons(polygons, count), true) = (raster.splats, by_compute) {
             return fuzzy::FuzzyLists {
                 raster: raster.only_triangles(),
                 small: Some(blended_compute::ComputeInput {
                     splats: polygons,
-                    ..self.blended_by_compute(count as usize)
+                    ..self.blended_by_compute(lists, count as usize)
                 }),
             };
         }
-        let placed = self.held.placed;
-        let records = |placed| SplatRecords::large(self.lists.splats(), placed, self.held.capacity);
+        let placed = held.placed;
+        let records = |placed| SplatRecords::large(lists.splats(), placed, held.capacity);
         fuzzy::FuzzyLists {
             raster: match placed {
                 Some(placed) => RasterList {
@@ -349,20 +440,29 @@ impl<'a> CutPasses<'a> {
                 },
                 None => raster,
             },
-            small: placed.map(|placed| self.blended_by_compute(placed.small)),
+            small: placed.map(|placed| self.blended_by_compute(lists, placed.small)),
         }
     }
 
     /// Part of blended splats that compute draws, of a list with so many splats.
-    fn blended_by_compute(&self, splats: usize) -> blended_compute::ComputeInput<'a> {
+    fn blended_by_compute(
+        &self,
+        lists: &'a DrawLists,
+        splats: usize,
+    ) -> blended_compute::ComputeInput<'a> {
         blended_compute::ComputeInput {
-            splats: self.lists.splats(),
+            splats: lists.splats(),
             splat_count: splats as u32,
             triangles: TriangleRanges {
                 scene: self.drawn.scene,
-                corners: self.lists.small(),
-                runs: &self.lists.small_runs,
+                corners: lists.small(),
+                runs: &lists.small_runs,
             },
         }
     }
+}
+
+/// The splats of packed lists.
+fn packed_records<'a>(lists: &'a DrawLists, held: &PackedFrame) -> SplatRecords<'a> {
+    SplatRecords::packed(lists.splats(), held.packed, held.capacity)
 }

@@ -11,7 +11,7 @@ use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::device_cut::DeviceCut;
 use crate::render::vulkan::device_tree::DeviceTree;
-use crate::render::vulkan::expand_ids::IdExpansion;
+use crate::render::vulkan::expand_ids::{ExpandedKind, IdExpansion};
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::{OpaqueSplats, SplatSource};
@@ -226,7 +226,7 @@ impl VulkanRenderer {
             return Ok(true);
         };
         if plan.cut_place == CutPlace::Device
-            && let Err(error) = self.make_device_cut(model, scene)
+            && let Err(error) = self.make_device_cut(ExpandedKind::of(plan), (model, scene))
         {
             if settings.cut_on == CutOn::Device {
                 return Err(error);
@@ -235,15 +235,17 @@ impl VulkanRenderer {
             self.too_large[0] = Some(scene.id());
             return Ok(false);
         }
-        if plan.uploads_ids {
-            if let Err(error) = self.tree_on_device(model, scene) {
-                if settings.list_of == ListOf::Ids {
-                    return Err(error);
-                }
-                tracing::info!(%error, "draw lists hold records");
-                self.too_large[1] = Some(scene.id());
-                return Ok(false);
+        if plan.uploads_ids
+            && let Err(error) = self.tree_on_device(model, scene)
+        {
+            if settings.list_of == ListOf::Ids {
+                return Err(error);
             }
+            tracing::info!(%error, "draw lists hold records");
+            self.too_large[1] = Some(scene.id());
+            return Ok(false);
+        }
+        if plan.cut_place == CutPlace::Device || plan.uploads_ids {
             let has_triangles = model.kind().is_surface();
             let is_of = |made: &IdExpansion| made.is_of(has_triangles);
             if !self.by_id.as_ref().is_some_and(is_of) {
@@ -253,8 +255,13 @@ impl VulkanRenderer {
         Ok(true)
     }
 
-    fn make_device_cut(&mut self, model: &Model, scene: &DeviceScene) -> Result<(), Error> {
-        if self.device_cut.as_ref().is_some_and(|cut| cut.is_of(scene)) {
+    fn make_device_cut(
+        &mut self,
+        kind: ExpandedKind,
+        (model, scene): (&Model, &DeviceScene),
+    ) -> Result<(), Error> {
+        let is_of = |cut: &DeviceCut| cut.is_of(scene, kind);
+        if self.device_cut.as_ref().is_some_and(is_of) {
             return Ok(());
         }
         // Its memory first.
@@ -262,7 +269,8 @@ impl VulkanRenderer {
         let slots = self.frames.in_flight();
         let gpu = self.gpu.clone();
         let tree = self.tree_on_device(model, scene)?;
-        self.device_cut = Some(DeviceCut::new(&gpu, tree, (model, scene), slots)?);
+        let cut = DeviceCut::new(&gpu, tree, (model, scene), (kind, slots))?;
+        self.device_cut = Some(cut);
         Ok(())
     }
 

@@ -20,6 +20,7 @@ use crate::render::screen_bounds;
 use crate::render::technique::Technique;
 use crate::render::vulkan::NORMAL;
 use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::{ChosenSplats, ListArguments};
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::visibility::targets::{FRONTS, PICKED};
@@ -57,6 +58,36 @@ const _: () = {
     let (bytes, sharers) = VisibleKind::Polygons.record();
     assert!(u32::MAX as u64 / sharers as u64 > (1 << 32) / bytes);
 };
+
+/// Records of a list that compute draws.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct VisibleList<'a> {
+    records: &'a dyn AnyBuffer,
+    /// Number of them; where the device says how many workgroups draw them, of those that there is room for.
+    count: u32,
+    /// Arguments of the dispatch over records that the device chose.
+    groups: Option<ListArguments<'a>>,
+}
+
+impl<'a> VisibleList<'a> {
+    /// The first `count` records of a list.
+    pub(super) fn of(records: &'a dyn AnyBuffer, count: u32) -> Self {
+        Self {
+            records,
+            count,
+            groups: None,
+        }
+    }
+
+    /// Records that the device chose.
+    pub(super) fn chosen(chosen: &ChosenSplats<'a>) -> Self {
+        Self {
+            records: chosen.records,
+            count: chosen.room,
+            groups: Some(chosen.groups),
+        }
+    }
+}
 
 /// Pipelines of one kind, and what is kept of each pixel.
 #[derive(Debug)]
@@ -124,7 +155,7 @@ impl ComputeVisibility {
         })
     }
 
-    /// Passes visibility.clear, the one of its kind and visibility.resolve: the first `count` records of a list. Keeps what
+    /// Passes visibility.clear, the one of its kind and visibility.resolve. Keeps what
     /// the targets hold where it is nearer, if the rasterizer drew before (`is_first`: it did not).
     ///
     /// # Errors
@@ -133,31 +164,46 @@ impl ComputeVisibility {
         &self,
         frame: &mut FrameRecorder<'_>,
         (targets, [picked, fronts]): (&FrameTargets, [&Target; 2]),
-        (records, count): (&dyn AnyBuffer, u32),
+        drawn: VisibleList<'_>,
         (areas, is_first): (&[[u32; 4]], bool),
         context: &Context,
         constants: UniformBlock,
     ) -> Result<(), Error> {
+        let VisibleList {
+            records,
+            count,
+            groups,
+        } = drawn;
         let (bytes, sharers) = self.kind.record();
         let list = (records, bytes);
         let parts = storage_ranges::bound(frame, context, self.max_binding, list, (0, count))?;
+        assert!(
+            groups.is_none() || (parts.len() <= 1 && sharers == 1),
+            "chosen lists are bound whole"
+        );
         let kept = [&self.footprints, &self.centers].map(|buffer| BufferSlice::whole(buffer));
         let bytes = 8 * screen_bounds::pixels(context.rect_px);
         frame
             .pass("visibility.clear")
             .fill(&[(&self.footprints, bytes), (&self.centers, bytes)], 0);
-        frame
+        let mut pass = frame
             .pass(self.kind.pass())
             .storage_read(records)
             .storage(&self.footprints)
-            .storage(&self.centers)
-            .compute(|compute| {
-                for &(part, uniform, count) in &parts {
-                    let storage = [part, kept[0], kept[1]];
-                    compute.bind(&self.splats, &[constants, uniform], &storage);
-                    compute.items(count * sharers);
+            .storage(&self.centers);
+        if let Some(groups) = groups {
+            pass = pass.group_arguments(groups.buffer);
+        }
+        pass.compute(|compute| {
+            for &(part, uniform, count) in &parts {
+                let storage = [part, kept[0], kept[1]];
+                compute.bind(&self.splats, &[constants, uniform], &storage);
+                match groups {
+                    Some(groups) => compute.groups_from(groups.buffer, groups.offset),
+                    None => compute.items(count * sharers),
                 }
-            });
+            }
+        });
         let load = || match is_first {
             true => TargetLoad::Clear([0.0; 4]),
             false => TargetLoad::Keep,

@@ -22,7 +22,7 @@ use crate::render::vulkan::opaque::hardware::SplatSource;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, RasterSplats, ScreenDraw};
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::visibility::compute::{ComputeVisibility, VisibleKind};
+use crate::render::vulkan::visibility::compute::{ComputeVisibility, VisibleKind, VisibleList};
 use crate::render::vulkan::visibility::pull_push::ColorPyramid;
 use crate::render::vulkan::visibility::targets::{FRONTS, PICKED, attach_last, last_pass};
 use crate::render::vulkan::{NORMAL, POLYGON, SPLAT, VERTEX};
@@ -265,7 +265,7 @@ impl VisibilityPasses {
             RasterSplats::Records(records) => records.quads.count > 0,
             RasterSplats::Vertices { as_quads } => as_quads,
             RasterSplats::Polygons(..) => true,
-            RasterSplats::Nothing => false,
+            RasterSplats::Chosen(_) | RasterSplats::Nothing => false,
         };
         let rect_px = if has_quads {
             context.whole_px()
@@ -308,10 +308,14 @@ impl VisibilityPasses {
         let small = match all.splats {
             RasterSplats::Records(records) if records.points.count > 0 => {
                 let rest = RasterSplats::Records(records.without_points());
-                Some((rest, (records.buffer, records.points.count)))
+                let list = VisibleList::of(records.buffer, records.points.count);
+                Some((rest, list))
             }
             RasterSplats::Polygons(polygons, count) => {
-                Some((RasterSplats::Nothing, (polygons, count)))
+                Some((RasterSplats::Nothing, VisibleList::of(polygons, count)))
+            }
+            RasterSplats::Chosen(chosen) => {
+                Some((RasterSplats::Nothing, VisibleList::chosen(&chosen)))
             }
             _ => None,
         };
@@ -340,9 +344,10 @@ impl VisibilityPasses {
     ) {
         let splats = match list.splats {
             RasterSplats::Vertices { .. } => &self.from_vertices,
-            RasterSplats::Records(_) | RasterSplats::Polygons(..) | RasterSplats::Nothing => {
-                &self.from_list
-            }
+            RasterSplats::Records(_)
+            | RasterSplats::Chosen(_)
+            | RasterSplats::Polygons(..)
+            | RasterSplats::Nothing => &self.from_list,
         };
         let polygons = match (list.splats, &self.polygons) {
             (RasterSplats::Polygons(..), Some([footprints, centers])) => {
