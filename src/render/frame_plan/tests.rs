@@ -160,12 +160,27 @@ fn the_device_chooses_cuts_where_it_is_asked_or_sooner() {
     assert_eq!(place(CutOn::Auto, &too_large), CutPlace::Processor);
     assert_eq!(place(CutOn::Processor, &sooner), CutPlace::Processor);
     assert_eq!(place(CutOn::Device, &CARD), CutPlace::Device);
-    let gauss = Settings {
-        splat: SplatKind::Gauss,
+    let of = |splat, path| Settings {
+        splat,
+        path,
         ..square(CutOn::Device)
     };
-    let refused = planned(&gauss, &CARD).unwrap_err().to_string();
-    assert!(refused.contains("the cut on the device"), "{refused}");
+    // What compute draws of fuzzy splats only the processor makes.
+    let gauss = planned(&of(SplatKind::Gauss, Path::Auto), &CARD).unwrap();
+    assert_eq!(gauss.cut_place, CutPlace::Device);
+    assert!(!gauss.may_use_compute && !gauss.draws_cut_by_compute);
+    let visibility = planned(&of(SplatKind::Visibility, Path::Compute), &CARD).unwrap();
+    assert!(visibility.draws_cut_by_compute);
+    for (refused, word) in [
+        (of(SplatKind::Gauss, Path::Compute), "--path raster"),
+        (of(SplatKind::Filtered, Path::Auto), "another --splat"),
+    ] {
+        let error = planned(&refused, &CARD).unwrap_err().to_string();
+        assert!(
+            error.contains("cut on the device") && error.contains(word),
+            "{error}"
+        );
+    }
 }
 
 #[test]
