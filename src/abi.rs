@@ -24,13 +24,55 @@ pub struct Vertex {
 pub struct Splat {
     /// Center in model space.
     pub center: Vec3,
-    /// Radius in model units; 0 asks for the constant size of the frame, and so does a negative one: its lower bits are
-    /// what `normal` leaves out, 2 x 11 bit signed in steps of 2^-10 of its own, and `color`, 3 x 3 bit in steps of 2^-3.
-    pub radius: f32,
+    /// Radius, or the size of the frame.
+    pub radius: SplatRadius,
     /// Unit normal, octahedral 2 x 16 bit.
     pub normal: [i16; 2],
     /// As in [`Vertex::color`].
     pub color: [u8; 4],
+}
+
+/// Radius of a splat in a draw list, 4 bytes: its own, or that of the frame. In the latter case there is room for what the
+/// codes of normal and color leave out; shaders tell the two by the highest bit.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(transparent)]
+pub struct SplatRadius(f32);
+
+impl SplatRadius {
+    /// Radius of the frame.
+    pub const OF_FRAME: Self = Self(0.0);
+
+    /// Bit that marks a rest. No radius is negative.
+    const REST: u32 = 1 << 31;
+
+    /// Radius of its own, model units; 0 is that of the frame.
+    #[inline(always)]
+    pub const fn own(radius: f32) -> Self {
+        Self(radius)
+    }
+
+    /// Radius of the frame with the rests of normal (2 x 11 bit signed, steps of 2^-10 of its code) and color (3 x 3 bit, steps
+    /// of 2^-3), from the lowest bit.
+    #[inline(always)]
+    pub const fn with_rest(bits: u32) -> Self {
+        Self(f32::from_bits(bits | Self::REST))
+    }
+
+    /// Model units; 0 where it is that of the frame.
+    #[inline(always)]
+    pub const fn model_units(self) -> f32 {
+        match self.0.to_bits() & Self::REST {
+            0 => self.0,
+            _ => 0.0,
+        }
+    }
+
+    /// Bits of the rests, negative; 0 where there are none.
+    #[inline(always)]
+    pub const fn rest(self) -> i32 {
+        let bits = self.0.to_bits() as i32;
+        if bits < 0 { bits } else { 0 }
+    }
 }
 
 /// A splat with the area that it stands for, 28 bytes: what fuzzy splats are drawn from.

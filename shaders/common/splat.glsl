@@ -1,8 +1,8 @@
 // One splat of a draw list. Mirrored by `abi::Splat`.
 struct SplatRecord {
     float center[3];
-    // Model units; 0 or negative asks for the constant size of the frame. The lower bits of a negative one are what the
-    // normal's code leaves out, 2 x 15 bit signed, steps of 2^-14 of its own.
+    // As `abi::SplatRadius`: model units; 0 is the size of the frame, and with the highest bit set it is too, and the other
+    // bits are what the codes of normal and color leave out.
     float radius;
     // Octahedral, 2 x 16 bit signed normalized.
     uint normal;

@@ -289,7 +289,7 @@ pub fn self_test(gpu: &Arc<Gpu>) -> Result<SelfTest, Error> {
 fn splat(u: f32, v: f32, z: f32) -> Splat {
     Splat {
         center: glam::Vec3::new(u, v, z),
-        radius: 0.0,
+        radius: crate::abi::SplatRadius::OF_FRAME,
         normal: [0, 0],
         color: [255; 4],
     }

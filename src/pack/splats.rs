@@ -1,7 +1,7 @@
 //! From a cut to splats, written straight into the caller's memory (the mapped buffer of a frame): first those that the
 //! device can draw as points, at the end those that are too large and become quads.
 
-use crate::abi::{Splat, SplatId, Vertex, WeightedSplat};
+use crate::abi::{Splat, SplatId, SplatRadius, Vertex, WeightedSplat};
 use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center_of};
 use crate::math::camera::View;
 use crate::math::octahedral;
@@ -280,7 +280,7 @@ fn of_triangle(corners: [Vertex; 3], center: Vec3, is_in_plane: bool) -> (Splat,
     };
     let splat = Splat {
         center,
-        radius: 0.0,
+        radius: SplatRadius::OF_FRAME,
         normal: octahedral::encode(normal),
         color: [channel(0), channel(1), channel(2), alpha],
     };
@@ -457,7 +457,7 @@ impl<'a> SplatWriter<'a> {
                 && 2.0 * sphere.radius * pixels_of_unit(of_cut, sphere.center)
                     > self.plan.threshold_px
             {
-                splat.radius = sphere.radius;
+                splat.radius = SplatRadius::own(sphere.radius);
                 part.part |= SplatId::OF_OWN_SIZE;
             }
             self.write(part, splat, area, out);
@@ -465,8 +465,11 @@ impl<'a> SplatWriter<'a> {
     }
 
     /// A radius of 0 asks for the constant size: right for points in one place, and what has an area has a radius.
-    fn own(&self, radius: f32) -> f32 {
-        if self.is_oriented { radius } else { 0.0 }
+    fn own(&self, radius: f32) -> SplatRadius {
+        match self.is_oriented {
+            true => SplatRadius::own(radius),
+            false => SplatRadius::OF_FRAME,
+        }
     }
 
     #[inline]
@@ -475,9 +478,10 @@ impl<'a> SplatWriter<'a> {
             return;
         }
         if let Some(of_cut) = &self.plan.cut_view
-            && splat.radius <= 0.0
+            && splat.radius.model_units() <= 0.0
         {
-            splat.radius = 0.5 * self.plan.threshold_px / pixels_of_unit(of_cut, splat.center);
+            let radius = 0.5 * self.plan.threshold_px / pixels_of_unit(of_cut, splat.center);
+            splat.radius = SplatRadius::own(radius);
         }
         let named = NumberedSplat { id, splat, area };
         if self.is_checked && !self.fits(&splat) {
@@ -497,17 +501,18 @@ impl<'a> SplatWriter<'a> {
     fn fits(&self, splat: &Splat) -> bool {
         let (view, plan) = (self.view, self.plan);
         let limit = plan.max_point_px - plan.widened_px();
-        if splat.radius <= 0.0 {
+        let radius = splat.radius.model_units();
+        if radius <= 0.0 {
             return match plan.footprint {
                 Footprint::Oriented => plan.vertex_px(view) <= plan.max_point_px,
                 _ => plan.bound_px() <= plan.max_point_px,
             };
         }
         if plan.footprint != Footprint::Oriented || !view.is_perspective {
-            return self.side_px(splat.center, splat.radius) <= limit;
+            return self.side_px(splat.center, radius) <= limit;
         }
         let center = view.view_from_model.transform_point3(splat.center);
-        let (z, r) = (-center.z, splat.radius * view.model_scale);
+        let (z, r) = (-center.z, radius * view.model_scale);
         if z - r <= view.near {
             return 2.0 * view.focal_px() * r <= limit * z.max(view.near);
         }

@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec3, DVec4, Vec3};
 use std::f64::consts::{PI, TAU};
-use surfel::abi::{Splat, Vertex};
+use surfel::abi::{Splat, SplatRadius, Vertex};
 use surfel::image::Image;
 use surfel::math::camera::{Camera, HeadlightSource, View};
 use surfel::math::octahedral;
@@ -28,7 +28,7 @@ pub(crate) fn vertex(position: Vec3) -> Vertex {
 pub(crate) fn splat(center: Vec3, radius: f32) -> Splat {
     Splat {
         center,
-        radius,
+        radius: SplatRadius::own(radius),
         normal: octahedral::encode(Vec3::Z),
         color: [255; 4],
     }

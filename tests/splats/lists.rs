@@ -1,7 +1,7 @@
 //! The mirror of fuzzy splats on lists of a few splats: sums, offsets, order.
 
 use glam::{DVec3, Vec3};
-use surfel::abi::{Splat, WeightedSplat};
+use surfel::abi::{Splat, SplatRadius, WeightedSplat};
 use surfel::math::camera::{Camera, View};
 use surfel::math::octahedral;
 use surfel::pack::{Footprint, FuzzyList, PrimitiveStyle};
@@ -26,7 +26,7 @@ fn splat(center: Vec3, radius: f32, normal: Vec3, color: [u8; 3]) -> WeightedSpl
     WeightedSplat {
         splat: Splat {
             center,
-            radius,
+            radius: SplatRadius::own(radius),
             normal: octahedral::encode(normal),
             color: [r, g, b, 255],
         },

@@ -1,6 +1,6 @@
 //! What of the surface is at the center of a pixel, a vector of them at a time.
 
-use crate::abi::{Splat, Vertex};
+use crate::abi::{Splat, SplatRadius, Vertex};
 use crate::pack::small_triangles::coverage::LANES;
 use crate::pack::small_triangles::texels::TextureQueue;
 use crate::textures::{TextureImage, WeightSteps};
@@ -86,7 +86,7 @@ impl<'m> ShadingQueue<'m> {
                         four.center[1][lane],
                         four.center[2][lane],
                     ),
-                    radius: f32::from_bits(four.fine[lane]),
+                    radius: SplatRadius::with_rest(four.fine[lane]),
                     normal: bytemuck::cast(four.normal[lane]),
                     color: bytemuck::cast(four.color[lane]),
                 });
@@ -164,7 +164,7 @@ impl<'m> ShadingQueue<'m> {
         let code = is_some.select((x & 0xffff) | (y << 16), nothing);
         let fine_normal = is_some.select((fine_x & FINE) | ((fine_y & FINE) << FINE_BITS), nothing);
         let fine_color = fine_red | (fine_green << REST_BITS) | (fine_blue << (2 * REST_BITS));
-        let fine = fine_normal | (fine_color << (2 * FINE_BITS)) | IS_FINE;
+        let fine = fine_normal | (fine_color << (2 * FINE_BITS));
         code.store_slice(&mut surface.normal[lanes]);
         fine.store_slice(&mut surface.fine[lanes]);
         surface
@@ -180,15 +180,13 @@ struct SampledSurface {
 }
 
 /// What an octahedral code of 16 bits leaves out of a coordinate is kept in so many bits, steps of the code over 2 to the
-/// power of one less: as many places as single precision has there. See [`Splat::radius`].
+/// power of one less: as many places as single precision has there. See [`SplatRadius::with_rest`].
 const FINE_BITS: u32 = 11;
 const FINE: u32 = (1 << FINE_BITS) - 1;
 /// Bits of what a byte leaves out of a color, steps of the byte over 2 to their power. Samples of a pixel have much the same
 /// color: what each is rounded by would stay in their mean.
 const REST_BITS: u32 = 3;
 const REST: u32 = (1 << REST_BITS) - 1;
-/// Marks such bits. No radius is negative.
-const IS_FINE: u32 = 1 << 31;
 
 /// What [`octahedral::decode`](crate::math::octahedral::decode) gives, before it is made a unit vector.
 #[inline(always)]

@@ -252,14 +252,14 @@ fn normal(corners: [&Vertex; 3], weights: [f32; 3]) -> DVec3 {
 
 /// Color of a splat with its rest, as `shaders/compute/resolve_splats.frag` reads it; 0 to 255.
 fn color_of(splat: &Splat) -> [f32; 3] {
-    let fine = splat.radius.to_bits() as i32;
+    let fine = splat.radius.rest();
     let left = [7, 4, 1].map(|up: u32| (fine << up >> 29) as f32 / 8.0);
     [0, 1, 2].map(|i| f32::from(splat.color[i]) + left[i])
 }
 
 /// Normal of a splat with its rest, as that shader reads it.
 fn decoded(splat: &Splat) -> DVec3 {
-    let fine = splat.radius.to_bits() as i32;
+    let fine = splat.radius.rest();
     assert!(fine < 0, "marked");
     let left = [fine << 21 >> 21, fine << 10 >> 21].map(|v| f64::from(v) / 1024.0);
     let [x, y] =

@@ -366,14 +366,9 @@ pub(super) fn unit_or_zero(v: Vec3) -> Vec3 {
     }
 }
 
-/// Bits of what the codes of a splat's normal and color leave out (`shaders/compute/resolve_splats.frag`).
-fn fine_of(splat: &Splat) -> i32 {
-    (splat.radius.to_bits() as i32).min(0)
-}
-
 /// The color of a splat (1 is white), with what its bytes leave out.
 fn color_of(splat: &Splat) -> Vec3 {
-    let fine = fine_of(splat);
+    let fine = splat.radius.rest();
     let channel = |byte: u8, left: i32| (f32::from(byte) + (left >> 29) as f32 / 8.0) / 255.0;
     let [red, green, blue, _] = splat.color;
     Vec3::new(
@@ -385,7 +380,7 @@ fn color_of(splat: &Splat) -> Vec3 {
 
 /// The normal of a splat, of any length, with what its code leaves out.
 fn decoded(splat: &Splat) -> Vec3 {
-    let fine = fine_of(splat);
+    let fine = splat.radius.rest();
     let coordinate = |code: i16, left: i32| {
         ((f32::from(code) + (left >> 21) as f32 / 1024.0) / 32767.0).max(-1.0)
     };

@@ -91,7 +91,7 @@ pub(super) fn set_up(frame: &ReferenceFrame, splat: &Splat) -> Option<RasterSpla
     let seen = PlacedSplat::new(frame, splat)?;
     let footprint = match frame.style.footprint {
         Footprint::Square => {
-            let side_px = side_px(frame, splat.radius, seen.placed.distance);
+            let side_px = side_px(frame, splat.radius.model_units(), seen.placed.distance);
             SplatFootprint::Square(SquareFootprint::around(frame, &seen.placed, side_px)?)
         }
         Footprint::Circle => {

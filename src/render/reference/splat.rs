@@ -1,6 +1,6 @@
 //! Splats of constant depth: what the frame makes of a record, and the pixels of its square, disc or ellipse (methods 7).
 
-use crate::abi::{Splat, Vertex};
+use crate::abi::{Splat, SplatRadius, Vertex};
 use crate::render::reference::bands::PixelCoverage;
 use crate::render::reference::disc::{DiscFootprint, DiscSample, SurfacePatch, thickness_of};
 use crate::render::reference::frame::{PlacedVertex, ReferenceFrame};
@@ -13,7 +13,7 @@ use std::ops::Range;
 pub(super) fn splat_of_vertex(vertex: &Vertex) -> Splat {
     Splat {
         center: vertex.position,
-        radius: 0.0,
+        radius: SplatRadius::OF_FRAME,
         normal: vertex.normal,
         color: vertex.color,
     }
@@ -35,13 +35,14 @@ impl PlacedSplat {
         let placed = frame.place(splat.center)?;
         let distance = placed.distance;
         let view = frame.view;
-        if !(distance >= view.near && distance <= view.far) || splat.radius.is_nan() {
+        let own = splat.radius.model_units();
+        if !(distance >= view.near && distance <= view.far) || own.is_nan() {
             return None;
         }
         let point = SurfacePoint::of_splat(splat, distance);
         let scale = f64::from(view.model_scale);
-        let radius = if splat.radius > 0.0 {
-            f64::from(splat.radius) * scale
+        let radius = if own > 0.0 {
+            f64::from(own) * scale
         } else {
             let depth = if view.is_perspective { distance } else { 1.0 };
             0.5 * f64::from(frame.style.splat_size_px) * f64::from(depth)

@@ -74,7 +74,7 @@ impl BlockSurfaces {
     #[inline(always)]
     pub(super) fn put(&mut self, at: usize, splat: &Splat) {
         self.normals[at] = bytemuck::cast(splat.normal);
-        self.fine[at] = (splat.radius.to_bits() as i32).min(0);
+        self.fine[at] = splat.radius.rest();
         self.colors[at] = i32::from_le_bytes(splat.color);
     }
 

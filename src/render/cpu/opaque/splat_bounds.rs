@@ -208,7 +208,7 @@ impl SplatPlacer<'_> {
     #[inline(always)]
     fn put(&mut self, splat: &Splat) {
         self.surfaces.put(self.len % BLOCK, splat);
-        self.push(splat.center, splat.radius);
+        self.push(splat.center, splat.radius.model_units());
     }
 
     /// Takes a splat whose color nobody asks for.
@@ -216,7 +216,7 @@ impl SplatPlacer<'_> {
     fn place(&mut self, splat: &Splat) {
         match self.look.footprint {
             Footprint::Oriented => self.put(splat),
-            _ => self.push(splat.center, splat.radius),
+            _ => self.push(splat.center, splat.radius.model_units()),
         }
     }
 

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
 use super::*;
-use crate::abi::{FrameConstants, constants};
+use crate::abi::{FrameConstants, SplatRadius, constants};
 use crate::cut::{CutSettings, select};
 use crate::generate::{self, GeneratedShape, ShapeSpec};
 use crate::math::camera::Camera;
@@ -62,8 +62,9 @@ fn expected(
         }
         let window = screen.window.map(|row| times(&row) / last);
         let is_sample = number >= splats.len() - samples;
-        let half = match splat.radius > 0.0 && !look.has_one_size && !is_sample {
-            true => splat.radius * screen.model_scale * screen.focal_px / last,
+        let radius = splat.radius.model_units();
+        let half = match radius > 0.0 && !look.has_one_size && !is_sample {
+            true => radius * screen.model_scale * screen.focal_px / last,
             false => 0.5 * screen.size_px,
         };
         let side = if is_sample { 1.0 } else { 2.0 * half };
@@ -162,14 +163,14 @@ fn crowd(count: usize, largest: f32, seed: u64) -> Vec<Splat> {
         .map(|i| {
             let mut splat = Splat {
                 center: Vec3::new(3.0 * next() - 1.5, 3.0 * next() - 1.5, 2.0 * next() - 1.0),
-                radius: largest * next() * next() / 110.0,
+                radius: SplatRadius::own(largest * next() * next() / 110.0),
                 ..Splat::zeroed()
             };
             match i % 24 {
                 0 => splat.center.x = f32::NAN,
                 3 => splat.center.z = 3.5,
                 6 => splat.center = Vec3::new(f32::INFINITY, 0.0, 0.0),
-                9 => splat.radius = -splat.radius,
+                9 => splat.radius = SplatRadius::with_rest(splat.radius.model_units().to_bits()),
                 12 => splat.center.z = 2.4999,
                 // In one place, in one row: what ends in which row is seen at the border of bands.
                 15 | 18 => splat.center = Vec3::new(0.3, -0.4, 0.5),
@@ -271,7 +272,7 @@ fn light(is_two_sided: bool, has_colors: bool) -> FrameHeadlight {
 /// The color of a splat in that light, double precision: values of 255.
 fn value_of(splat: &Splat, is_two_sided: bool, has_colors: bool) -> [f64; 3] {
     let to_light = DVec3::new(0.0, -0.1, 3.0) - splat.center.as_dvec3();
-    let fine = (splat.radius.to_bits() as i32).min(0);
+    let fine = splat.radius.rest();
     let left = [fine << 21 >> 21, fine << 10 >> 21].map(|v| f64::from(v) / 1024.0);
     let left_of_color = [7, 4, 1].map(|up: u32| f64::from(fine << up >> 29) / 8.0);
     let [x, y] = [0, 1].map(|i| ((f64::from(splat.normal[i]) + left[i]) / 32767.0).max(-1.0));
@@ -352,7 +353,7 @@ fn a_cut_is_drawn_as_its_list() {
                 let direction = Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5);
                 sample.normal = octahedral::encode(direction);
                 // What the code leaves out.
-                sample.radius = f32::from_bits(1 << 31 | (next() * 1e9) as u32);
+                sample.radius = SplatRadius::with_rest((next() * 1e9) as u32);
                 sample.color = [9, 200, 77, if next() < 0.5 { 0 } else { 255 }];
             }
             let mut list = vec![Splat::zeroed(); count];
@@ -439,8 +440,9 @@ fn seen_of_disc(splat: &Splat, [x, y]: [u32; 2], [width, height]: [f64; 2]) -> [
     match along > 0.0 {
         true => {
             let met = along * ray;
-            let squared = met.distance_squared(center) / f64::from(splat.radius).powi(2);
-            let radius = f64::from(splat.radius);
+            let squared =
+                met.distance_squared(center) / f64::from(splat.radius.model_units()).powi(2);
+            let radius = f64::from(splat.radius.model_units());
             let reach = radius * tilted.truncate().length();
             let height = (radius * (0.25 / ratio).min(1.0)).min(0.5 * (-center.z - reach));
             let dome = height * squared / -met.z;
@@ -460,11 +462,12 @@ fn ovals_cover_what_rays_meet() {
     for number in 0..600 {
         let mut splat = crowd(2, 1.0, number)[1];
         splat.normal = octahedral::encode(Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5));
-        splat.radius = 0.02 + 0.3 * next().powi(2);
+        let radius = 0.02 + 0.3 * next().powi(2);
+        splat.radius = SplatRadius::own(radius);
         splat.color[3] = if next() < 0.5 { 255 } else { 120 };
         // What reaches the near plane is a circle; what is smaller than a pixel and a half a square.
         let distance = 3.0 - splat.center.z;
-        if distance - splat.radius <= 0.5 || splat.radius * 0.1 * screen.focal_px < distance {
+        if distance - radius <= 0.5 || radius * 0.1 * screen.focal_px < distance {
             continue;
         }
         for level in levels() {

@@ -2,7 +2,7 @@
 //! defined.
 #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
-use crate::abi::{FuzzySplat, Splat, WeightedSplat};
+use crate::abi::{FuzzySplat, Splat, SplatRadius, WeightedSplat};
 use crate::cut::SizeMetric;
 use crate::math::camera::Camera;
 use crate::math::octahedral;
@@ -98,7 +98,7 @@ fn splats(count: usize, unit_px: f32) -> Vec<WeightedSplat> {
             WeightedSplat {
                 splat: Splat {
                     center,
-                    radius: if i % 5 == 0 { 0.0 } else { radius },
+                    radius: SplatRadius::own(if i % 5 == 0 { 0.0 } else { radius }),
                     normal: octahedral::encode(normal),
                     color,
                 },
@@ -256,7 +256,7 @@ fn what_lies_nowhere_covers_nothing_and_what_is_large_is_left() {
             WeightedSplat {
                 splat: Splat {
                     center,
-                    radius,
+                    radius: SplatRadius::own(radius),
                     normal: octahedral::encode(to_model.transform_vector3(Vec3::Z)),
                     color: [255; 4],
                 },

@@ -1,7 +1,7 @@
 //! The reconstructions on pictures made by hand, and the order of drawing.
 #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
-use crate::abi::Splat;
+use crate::abi::{Splat, SplatRadius};
 use crate::math::camera::Camera;
 use crate::math::octahedral;
 use crate::render::Reconstruction;
@@ -214,7 +214,7 @@ proptest! {
             .iter()
             .map(|&(x, y, z, [r, g, b])| Splat {
                 center: Vec3::new(x, y, z),
-                radius: if r < 128 { 0.0 } else { 0.05 },
+                radius: SplatRadius::own(if r < 128 { 0.0 } else { 0.05 }),
                 normal: octahedral::encode(Vec3::new(y, z, x + 1.5).normalize()),
                 color: [r, g, b, 255],
             })
@@ -240,7 +240,7 @@ proptest! {
 fn degenerate_splats_draw_nothing() {
     let bad = |center: Vec3, radius: f32| Splat {
         center,
-        radius,
+        radius: SplatRadius::own(radius),
         normal: [0; 2],
         color: [255; 4],
     };
