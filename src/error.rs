@@ -30,7 +30,7 @@ pub enum Error {
     Profile(#[from] crate::measure::profile::ProfileError),
     /// Failures could not be measured.
     #[error(transparent)]
-    Failures(#[from] crate::failures::FailuresError),
+    Failures(#[from] crate::stability::FailuresError),
     /// Photographs cannot be used.
     #[error(transparent)]
     Photos(#[from] crate::photos::error::PhotoError),
@@ -52,7 +52,7 @@ impl Error {
                 | Self::Tree(crate::tree::Error::Cancelled)
                 | Self::Generate(crate::generate::GenerateError::Cancelled)
                 | Self::Profile(ProfileError::Cancelled(_))
-                | Self::Failures(crate::failures::FailuresError::Cancelled)
+                | Self::Failures(crate::stability::FailuresError::Cancelled)
                 | Self::Photos(crate::photos::error::PhotoError::Cancelled)
                 | Self::Chart(crate::chart::ChartError::Cancelled)
                 | Self::Bench(crate::bench::BenchError::Cancelled)

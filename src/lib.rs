@@ -10,7 +10,7 @@
 //! needs, [`pack`] packs them into lists of plain records, [`render`] turns the lists into a picture on the device or on
 //! the CPU, [`image`] keeps and compares pictures, [`measure`] keeps times, counts and errors, [`chart`] lays times and
 //! errors side by side, [`mod@bench`] holds the times to what they have to reach. [`scenes`] are models that methods fail
-//! at, [`failures`] says how far and why. [`photos`] puts calibrated photographs on what was drawn. [`gpu`] is the only place with Vulkan.
+//! at, [`stability`] says how far and why. [`photos`] puts calibrated photographs on what was drawn. [`gpu`] is the only place with Vulkan.
 //!
 //! # From a file to a picture, without a window
 //!
@@ -47,7 +47,6 @@ pub mod bench;
 pub mod chart;
 pub mod cut;
 pub mod error;
-pub mod failures;
 pub mod generate;
 pub mod gpu;
 pub mod image;
@@ -67,6 +66,7 @@ pub mod projective;
 pub mod render;
 pub mod scenes;
 mod simd;
+pub mod stability;
 pub mod textures;
 mod threads;
 pub mod tree;

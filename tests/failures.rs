@@ -1,5 +1,5 @@
 //! What each method does on the scenes that methods fail at: measured numbers against the bounds of
-//! `surfel::failures`, which `surfel stability` prints.
+//! `surfel::stability`, which `surfel stability` prints.
 //!
 //! Every scene is drawn by every look. A new look is one line in the library; where it breaks a rule the test says
 //! which scene, by how much, and what the rule is.
@@ -12,13 +12,13 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 use surfel::cut::{self, Cut};
-use surfel::failures::{FailureCase, FailureCell, FailureLook, FailureVerdict, looks, rows};
 use surfel::image::{PixelSource, compare};
 use surfel::render::PictureOutputs;
 use surfel::render::Settings;
 use surfel::render::cut_key::cut_settings;
 use surfel::render::engine::{Backend, Engine};
 use surfel::scenes;
+use surfel::stability::{FailureCase, FailureCell, FailureLook, FailureVerdict, looks, rows};
 
 /// All scenes, made once for all tests of this file.
 fn cases() -> &'static [FailureCase] {

@@ -130,7 +130,7 @@ const LAYERS: &[Layer] = &[
     ),
     // Draws every scene by every method and measures the pictures.
     layer(
-        "failures",
+        "stability",
         &[
             "progress", "math", "scenes", "tree", "cut", "oriented", "image", "patches", "gpu",
             "render", "measure",
@@ -170,7 +170,7 @@ const LAYERS: &[Layer] = &[
         "error",
         &[
             "math", "input", "generate", "scenes", "tree", "image", "gpu", "measure", "photos",
-            "failures", "chart", "bench",
+            "stability", "chart", "bench",
         ],
     ),
     // The one door: what a name means, read and built. Its errors are those of the library.
@@ -234,7 +234,7 @@ const LAYERS: &[Layer] = &[
             "render",
             "measure",
             "photos",
-            "failures",
+            "stability",
             "chart",
             "bench",
             "error",

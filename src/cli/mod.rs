@@ -129,7 +129,7 @@ failure_from!(
     surfel::gpu::Error,
     surfel::generate::GenerateError,
     surfel::measure::profile::ProfileError,
-    surfel::failures::FailuresError,
+    surfel::stability::FailuresError,
     surfel::chart::ChartError,
     surfel::bench::BenchError
 );

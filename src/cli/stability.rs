@@ -5,10 +5,10 @@ use super::progress::JobBar;
 use super::render::{DeviceArgs, validated};
 use super::{CommandFailure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
-use surfel::failures::page::{CellShot, SceneRow, SceneTable, thumb};
-use surfel::failures::{self, FailureFigure, FailureLook, FailureVerdict};
 use surfel::render::{Method, SplatKind};
 use surfel::scenes::{self, SceneEntry};
+use surfel::stability::page::{CellShot, SceneRow, SceneTable, thumb};
+use surfel::stability::{self, FailureFigure, FailureLook, FailureVerdict};
 
 /// Draw every scene that methods fail at by every method, and hold what is measured to the stated bounds.
 #[derive(Debug, clap::Args)]
@@ -65,7 +65,7 @@ impl StabilityArgs {
                 look.only.is_empty() && matches!(s.method, Method::Triangles | Method::Pop);
             has_method && has_splat && (!self.quick || is_quick)
         };
-        let looks: Vec<FailureLook> = failures::looks().into_iter().filter(is_wanted).collect();
+        let looks: Vec<FailureLook> = stability::looks().into_iter().filter(is_wanted).collect();
         if looks.is_empty() {
             return Err(usage(
                 "no way of drawing is left: points are drawn as squares, and --quick knows triangles and pop",
@@ -120,7 +120,7 @@ pub(crate) fn run(args: StabilityArgs, quiet: bool) -> Outcome {
         ..SceneTable::default()
     };
     let bar = JobBar::new(quiet);
-    failures::run(
+    stability::run(
         &backend,
         &entries,
         &looks,

@@ -376,8 +376,8 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
-    use crate::failures::FailureBound;
     use crate::scenes;
+    use crate::stability::FailureBound;
 
     #[test]
     fn base64_is_that_of_the_standard() {
