@@ -169,8 +169,18 @@ const LAYERS: &[Layer] = &[
     layer(
         "error",
         &[
-            "math", "input", "generate", "scenes", "tree", "image", "gpu", "measure", "photos",
-            "stability", "chart", "bench",
+            "math",
+            "input",
+            "generate",
+            "scenes",
+            "tree",
+            "image",
+            "gpu",
+            "measure",
+            "photos",
+            "stability",
+            "chart",
+            "bench",
         ],
     ),
     // The one door: what a name means, read and built. Its errors are those of the library.

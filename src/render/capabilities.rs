@@ -39,4 +39,10 @@ impl RendererCapabilities {
         fits_device_cut: false,
         fits_tree: false,
     };
+
+    /// Capabilities of the reference: it has no limit, and its time decides nothing.
+    pub(crate) const REFERENCE: Self = Self {
+        largest_hidden_px: f32::INFINITY,
+        ..Self::PROCESSOR
+    };
 }

@@ -408,6 +408,36 @@ impl FramePlan {
         Self::new(&settings, &input)
     }
 
+    /// Plans a frame for the reference, which draws what the device would by the rasterizer.
+    ///
+    /// # Errors
+    /// As [`FramePlan::new`].
+    pub(crate) fn for_reference(
+        settings: &Settings,
+        parts: DrawnParts<'_>,
+        view: &View,
+        outputs: PictureOutputs,
+    ) -> Result<Self, Error> {
+        let settings = Settings {
+            // The rasterizer leaves out more than compute of what is hidden, if it is named.
+            path: match settings.path {
+                Path::Compute => Path::Auto,
+                path => path,
+            },
+            cut_on: CutOn::Processor,
+            list_of: ListOf::Records,
+            ..*settings
+        };
+        let input = PlanInput {
+            parts,
+            view,
+            outputs,
+            capabilities: &RendererCapabilities::REFERENCE,
+            costs: None,
+        };
+        Self::new(&settings, &input)
+    }
+
     /// The records of its splats, where points have at most `max_point_px` pixels.
     pub(crate) fn records(&self, max_point_px: f32) -> RecordFormat {
         RecordFormat::of(self, max_point_px)

@@ -5,11 +5,10 @@ use crate::gpu::Error;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::render::PictureOutputs;
-use crate::render::frame_plan::resolve_of_parts;
+use crate::render::frame_plan::FramePlan;
 use crate::render::photo_look::{color_picture, given};
 use crate::render::reference::renderer::ReferenceRenderer;
 use crate::render::stats::FrameTimes;
-use crate::render::supported::check_patches_of;
 
 impl PictureBackend for ReferenceRenderer {
     fn draw(&mut self, frame: PictureRequest<'_>) -> Result<FrameTimes, Error> {
@@ -19,18 +18,17 @@ impl PictureBackend for ReferenceRenderer {
             settings,
             photos,
         } = frame;
-        check_patches_of(settings, parts)?;
-        let settings = &resolve_of_parts(settings, parts, view);
-        if !settings.shows_photos() {
-            return Ok(self.draw_frame(parts, view, settings));
+        let plan = FramePlan::for_reference(settings, parts, view, self.outputs)?;
+        if !plan.settings.shows_photos() {
+            return Ok(self.draw_frame(&plan, parts));
         }
         let photos = given(photos)?;
         let outputs = self.outputs;
-        self.outputs = settings.outputs_of_frame(outputs);
-        let times = self.draw_frame(parts, view, settings);
+        self.outputs = plan.settings.outputs_of_frame(outputs);
+        let times = self.draw_frame(&plan, parts);
         self.outputs = outputs;
         let mut image = std::mem::take(&mut self.image);
-        color_picture(&mut image, view, photos, settings);
+        color_picture(&mut image, view, photos, &plan.settings);
         self.image = only(image, outputs);
         Ok(times)
     }

@@ -5,15 +5,14 @@ use crate::cut::{Cut, CutSelector};
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack;
-use crate::pack::falsecolor::depth_range;
-use crate::pack::splats::SplatRecord;
+use crate::pack::splats::{SplatPlan, SplatRecord};
 use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, PrimitiveStyle};
 use crate::render::PictureOutputs;
 use crate::render::backdrop::BackgroundGradient;
-use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::{eye_dome_exponent, occlusion_slack, openness_power};
-use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
-use crate::render::pack_params::{filtered_shade, largest_splat_px, splat_plan};
+use crate::render::frame_plan::{FramePlan, RecordFormat};
+use crate::render::model_facts::{DrawnFacts, DrawnParts};
+use crate::render::pack_params::largest_splat_px;
 use crate::render::part_cuts::PartCuts;
 use crate::render::reference::ambient_occlusion::PixelSurroundings;
 use crate::render::reference::eye_dome::darken;
@@ -92,25 +91,23 @@ impl ReferenceRenderer {
         self.albedo = albedo;
     }
 
-    /// Draws a frame of settings that fit what is drawn and the view.
+    /// Draws a planned frame.
     pub(in crate::render) fn draw_frame(
         &mut self,
+        plan: &FramePlan,
         parts: DrawnParts<'_>,
-        view: &View,
-        settings: &Settings,
     ) -> FrameTimes {
         let start = Instant::now();
         let mut times = FrameTimes::default();
         times.starts.frame = Some(start);
-        let facts = parts.facts();
         let style = PrimitiveStyle {
-            depth_range: depth_range(facts.orbit_center, facts.orbit_radius, view),
+            depth_range: plan.context.depth_range,
             subpixel_bits: self.subpixel_bits,
             albedo: self.albedo,
-            ..style(settings, facts)
+            ..style(&plan.settings, plan.facts)
         };
         let mut lists = PackedLists::default();
-        match settings.method {
+        match plan.settings.method {
             Method::Triangles => {
                 let all = parts
                     .iter()
@@ -120,12 +117,11 @@ impl ReferenceRenderer {
             Method::Points => lists.has_points = true,
             Method::Splats | Method::Pop => {
                 let cutting = FrameStage::Cut.begin();
-                let key_of =
-                    |part: FactedModel<'_>| CutKey::of(settings, &part.facts.drawn(), view);
-                self.cuts.select(&mut self.selector, parts, key_of);
+                self.cuts
+                    .select(&mut self.selector, parts, |part| plan.cut_of(part));
                 cutting.end(&mut times);
                 let packing = FrameStage::Pack.begin();
-                lists = self.pack_cuts(parts, view, settings, &style);
+                lists = self.pack_cuts(plan, parts);
                 packing.end(&mut times);
                 let stats = self.cuts.stats();
                 times.counts.nodes_visited = stats.visited;
@@ -136,7 +132,7 @@ impl ReferenceRenderer {
         lists.vertices = joined_vertices(parts);
         lists.textures = JoinedTextures::of(parts);
         lists.count(&mut times.counts);
-        self.draw_lists(&facts, view, settings, &style, &lists);
+        self.draw_lists(plan, &style, &lists);
         if let Some(counts) = &self.counts {
             times.overdraw = Some(OverdrawSummary::of(counts.iter().copied()));
             self.image.color = crate::render::reference::show_overdraw(counts, &style);
@@ -146,13 +142,9 @@ impl ReferenceRenderer {
     }
 
     /// The draw lists of the cuts, one part after the other.
-    fn pack_cuts<'m>(
-        &mut self,
-        parts: DrawnParts<'m>,
-        view: &View,
-        settings: &Settings,
-        style: &PrimitiveStyle,
-    ) -> PackedLists<'m> {
+    fn pack_cuts<'m>(&mut self, plan: &FramePlan, parts: DrawnParts<'m>) -> PackedLists<'m> {
+        let FramePlan { view, settings, .. } = plan;
+        let records = plan.records(plan.max_point_px);
         let mut lists = PackedLists {
             polygons: self
                 .cuts
@@ -162,16 +154,14 @@ impl ReferenceRenderer {
         let mut corners = Vec::new();
         for (part, cut) in parts.iter().zip(self.cuts.iter_mut()) {
             let model = part.model;
-            match Technique::of(settings) {
-                Technique::Opaque | Technique::Visibility | Technique::Polygons => {
-                    (lists.splats).append(&mut packed_splats(model, cut, view, settings));
+            match records {
+                RecordFormat::Splats(plan) => {
+                    (lists.splats).append(&mut packed_splats(model, cut, view, &plan));
                 }
-                Technique::Fuzzy => {
-                    (lists.weighted).append(&mut packed_splats(model, cut, view, settings));
+                RecordFormat::Weighted(plan) | RecordFormat::Fuzzy(plan, _) => {
+                    (lists.weighted).append(&mut packed_splats(model, cut, view, &plan));
                 }
-                Technique::Filtered => {
-                    let range = style.depth_range;
-                    let shade = filtered_shade(settings, &parts.facts(), range, f32::INFINITY);
+                RecordFormat::Filtered(shade) => {
                     let large = pack::filtered::take_triangles(model, view, &shade, cut);
                     let most = pack::filtered::splat_count(cut, large);
                     let mut splats = vec![FilteredSplat::zeroed(); most];
@@ -179,10 +169,9 @@ impl ReferenceRenderer {
                     splats.truncate(count);
                     lists.filtered.append(&mut splats);
                 }
-                Technique::Nothing => {}
+                RecordFormat::Nothing => {}
             }
-            let has_polygons = settings.drawn_polygons().is_some();
-            if settings.method == Method::Pop || has_polygons {
+            if plan.primitives.has_triangles {
                 let of = |&id: &u32| model.triangles[id as usize];
                 corners.push(Cow::Owned(cut.triangles.iter().map(of).collect()));
             }
@@ -192,14 +181,13 @@ impl ReferenceRenderer {
     }
 
     /// Draws the picture, and counts overdraw where that is asked for.
-    fn draw_lists(
-        &mut self,
-        facts: &DrawnFacts,
-        view: &View,
-        settings: &Settings,
-        style: &PrimitiveStyle,
-        lists: &PackedLists<'_>,
-    ) {
+    fn draw_lists(&mut self, plan: &FramePlan, style: &PrimitiveStyle, lists: &PackedLists<'_>) {
+        let FramePlan {
+            facts,
+            view,
+            settings,
+            ..
+        } = plan;
         let (vertices, triangles) = (&*lists.vertices, &*lists.triangles);
         let points = lists.points();
         let textures = lists.textures.as_ref().map(JoinedTextures::list);
@@ -231,7 +219,7 @@ impl ReferenceRenderer {
             splats: &lists.filtered,
             textures,
         };
-        let (image, list) = match Technique::of(settings) {
+        let (image, list) = match plan.technique {
             Technique::Opaque | Technique::Nothing => (
                 crate::render::reference::render(view, &opaque, style, outputs),
                 OverdrawList::Opaque(&opaque),
@@ -336,11 +324,10 @@ fn packed_splats<R: SplatRecord + Copy + Send + Zeroable>(
     model: &Model,
     cut: &Cut,
     view: &View,
-    settings: &Settings,
+    plan: &SplatPlan,
 ) -> Vec<R> {
-    let plan = splat_plan(settings, f32::INFINITY);
-    let mut splats = vec![R::zeroed(); pack::splats::count(cut, &plan)];
-    let packed = pack::splats::pack(model, cut, view, &plan, &mut splats);
+    let mut splats = vec![R::zeroed(); pack::splats::count(cut, plan)];
+    let packed = pack::splats::pack(model, cut, view, plan, &mut splats);
     splats.truncate(packed.points);
     splats
 }
