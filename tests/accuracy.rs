@@ -44,7 +44,7 @@ fn the_unit_sphere_matches_its_closed_form() {
             DVec3::ZERO,
             DVec3::Y,
             60f64.to_radians(),
-            (0.1, d + 2.0),
+            [0.1, d + 2.0],
         );
         let view = camera.view(DVec3::ZERO).unwrap();
         let f = 250.0 / 30f64.to_radians().tan();
@@ -122,7 +122,7 @@ fn the_tilted_plane_has_the_depth_of_its_closed_form() {
     for tilt in [0f64, 30.0, 60.0, 75.0] {
         let theta = tilt.to_radians();
         let eye = DVec3::new(z0 * theta.sin(), 0.0, z0 * theta.cos());
-        let camera = Camera::look_at((300, 300), eye, DVec3::ZERO, DVec3::Y, 0.6, (0.5, 5.0));
+        let camera = Camera::look_at((300, 300), eye, DVec3::ZERO, DVec3::Y, 0.6, [0.5, 5.0]);
         let view = camera.view(DVec3::ZERO).unwrap();
         let f = f64::from(view.focal_px());
         let image = engine
@@ -163,7 +163,7 @@ fn the_facing_square_covers_its_pixels_exactly() {
         DVec3::ZERO,
         DVec3::Y,
         fov_y,
-        (0.5, 5.0),
+        [0.5, 5.0],
     );
     let view = camera.view(DVec3::ZERO).unwrap();
     let mut engine = Engine::new(&backend, &model, (300, 300), ALL).unwrap();

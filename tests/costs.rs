@@ -231,7 +231,7 @@ fn dot(from_left: f64, from_top: f64, is_cloud: bool) -> (Model, View) {
         DVec3::NEG_Z,
         DVec3::Y,
         angle,
-        (1.0, 1000.0),
+        [1.0, 1000.0],
     );
     let view = camera.view(model.origin).unwrap();
     (model, view)

@@ -89,7 +89,7 @@ const SIDE: u32 = 120;
 fn tilted(distance: f64) -> View {
     let angle = 40f64.to_radians();
     let eye = distance * DVec3::new(angle.sin(), 0.0, angle.cos());
-    let range = (0.1, 10.0);
+    let range = [0.1, 10.0];
     Camera::look_at((SIDE, SIDE), eye, DVec3::ZERO, DVec3::Y, 0.6, range)
         .view(DVec3::ZERO)
         .unwrap()
@@ -507,7 +507,7 @@ fn splats_of_a_held_cut_grow_as_the_camera_comes_near() {
     let model = tile(128, Vec3::Z);
     let facing = |distance: f64| {
         let eye = distance * DVec3::Z;
-        Camera::look_at((SIDE, SIDE), eye, DVec3::ZERO, DVec3::Y, 0.6, (0.1, 10.0))
+        Camera::look_at((SIDE, SIDE), eye, DVec3::ZERO, DVec3::Y, 0.6, [0.1, 10.0])
             .view(DVec3::ZERO)
             .unwrap()
     };

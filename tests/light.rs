@@ -52,7 +52,7 @@ fn along_z(is_perspective: bool) -> View {
         DVec3::ZERO,
         DVec3::Y,
         45f64.to_radians(),
-        (1.0, 8.0),
+        [1.0, 8.0],
     );
     if !is_perspective {
         let (near, far) = (1.0, 8.0);

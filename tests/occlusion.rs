@@ -172,7 +172,7 @@ fn no_bit_changes_from_inside_mirrored_far_away_and_orthographic() {
         DVec3::new(0.4, 0.2, 0.0),
         DVec3::Y,
         1.0,
-        (0.01, 5.0),
+        [0.01, 5.0],
     );
     let mut views = vec![
         ("mirrored", mirrored),
@@ -379,7 +379,7 @@ fn before(size: u32) -> View {
         DVec3::ZERO,
         DVec3::Y,
         0.8,
-        (0.1, 20.0),
+        [0.1, 20.0],
     );
     camera.view(DVec3::ZERO).unwrap()
 }

@@ -215,7 +215,7 @@ fn the_camera_inside_and_at_the_surface() {
         (DVec3::ZERO, DVec3::new(0.3, 0.1, 1.0)),
         (DVec3::new(0.0, 0.0, 0.66), DVec3::new(0.4, 0.2, 0.0)),
     ] {
-        let camera = Camera::look_at((200, 160), eye, target, DVec3::Y, 1.0, (0.01, 5.0));
+        let camera = Camera::look_at((200, 160), eye, target, DVec3::Y, 1.0, [0.01, 5.0]);
         let view = camera.view(DVec3::ZERO).unwrap();
         for culling in [Culling::Off, Culling::On] {
             for (method, threshold_px) in METHODS {

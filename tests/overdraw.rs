@@ -81,7 +81,7 @@ const SIDE: u32 = 90;
 /// Looks along -z at zero.
 fn facing() -> View {
     let eye = DVec3::new(0.0, 0.0, 3.0);
-    Camera::look_at((SIDE, SIDE), eye, DVec3::ZERO, DVec3::Y, 0.6, (0.1, 10.0))
+    Camera::look_at((SIDE, SIDE), eye, DVec3::ZERO, DVec3::Y, 0.6, [0.1, 10.0])
         .view(DVec3::ZERO)
         .unwrap()
 }

@@ -601,7 +601,7 @@ fn inside_a_closed_surface_its_inside_is_drawn() {
     for distance in [0.0, 0.5, 3.0] {
         let eye = DVec3::new(0.6, 0.4, 0.69).normalize() * distance;
         let at = eye - DVec3::new(0.5, 0.7, 0.5);
-        let camera = Camera::look_at(SIZE, eye, at, DVec3::Y, 0.9, (0.05, 10.0));
+        let camera = Camera::look_at(SIZE, eye, at, DVec3::Y, 0.9, [0.05, 10.0]);
         let view = camera.view(model.origin).unwrap();
         let own = picture(&Backend::Cpu, opened(&file, ENOUGH), &view, &settings);
         let outputs = pictures::with_depth(false);

@@ -296,7 +296,7 @@ fn a_shade_between_two_levels_stays_between_them() {
             DVec3::ZERO,
             DVec3::Y,
             0.8,
-            (0.1, 9.0),
+            [0.1, 9.0],
         )
     };
     let view = camera.view(model.origin).unwrap();

@@ -8,6 +8,8 @@ mod circles;
 mod doc_words;
 #[path = "structure/names.rs"]
 mod names;
+#[path = "structure/parameters.rs"]
+mod parameters;
 #[path = "structure/sizes.rs"]
 mod sizes;
 

@@ -139,7 +139,7 @@ fn a_device_draws_what_reaches_behind_the_eye() {
     let vulkan = Backend::Vulkan(device.gpu().clone());
     for target in [DVec3::X, DVec3::new(0.2, 0.9, 0.0), DVec3::ONE] {
         let eye = DVec3::new(0.5, 0.4, 0.6);
-        let camera = Camera::look_at((240, 200), eye, target, DVec3::Z, 1.2, (0.05, 10.0));
+        let camera = Camera::look_at((240, 200), eye, target, DVec3::Z, 1.2, [0.05, 10.0]);
         let view = camera.view(DVec3::ZERO).unwrap();
         let inside = Settings {
             culling: Culling::Off,
@@ -247,7 +247,7 @@ fn assert_blended_as_reference(own: &Backend, path: Path) {
         // From within a box, which reaches behind the eye.
         for target in [DVec3::X, DVec3::ONE] {
             let eye = DVec3::new(0.5, 0.4, 0.6);
-            let camera = Camera::look_at(size, eye, target, DVec3::Z, 1.2, (0.05, 10.0));
+            let camera = Camera::look_at(size, eye, target, DVec3::Z, 1.2, [0.05, 10.0]);
             views.push(("inside", camera.view(DVec3::ZERO).unwrap()));
         }
         views.truncate(if name == "cube" { 5 } else { 3 });

@@ -212,7 +212,7 @@ fn axis_view(size: (u32, u32), distance: f64) -> View {
         DVec3::ZERO,
         DVec3::Y,
         50f64.to_radians(),
-        (0.1, 100.0),
+        [0.1, 100.0],
     )
     .view(DVec3::ZERO)
     .unwrap()

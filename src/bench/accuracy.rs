@@ -108,7 +108,9 @@ pub fn figures(
         let coarse = coarse_model(model, &rivals, &views[0])?;
         let mut found = at_distance(
             (&mut engine, &coarse, session),
-            (&lines, &rivals, plan),
+            &lines,
+            &rivals,
+            plan,
             &views,
             progress,
         )?;
@@ -147,7 +149,9 @@ fn coarse_model(
 /// Errors and times of everything from one distance.
 fn at_distance(
     (engine, coarse, session): (&mut Engine<'_>, &Option<Model>, &BenchSession),
-    (lines, rivals, plan): (&[BenchLine], &RivalRenderers<'_>, &BenchPlan),
+    lines: &[BenchLine],
+    rivals: &RivalRenderers<'_>,
+    plan: &BenchPlan,
     views: &[View],
     progress: &dyn Progress,
 ) -> Result<Vec<FoundThreshold>, BenchError> {

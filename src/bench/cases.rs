@@ -381,7 +381,7 @@ pub fn empty_view(
         away,
         DVec3::Y,
         45f64.to_radians(),
-        (radius, 4.0 * radius),
+        [radius, 4.0 * radius],
     )
     .view(model.origin)
 }

@@ -187,7 +187,7 @@ pub fn blade(progress: &dyn Progress) -> Result<(Model, Camera), BenchError> {
     let distance = radius / ((field / 2.0).tan() / 8.0).atan().sin();
     // Up leans by seven degrees.
     let up = DVec3::new(0.12, 1.0, 0.0);
-    let depths = (distance - 1.05 * radius, distance + 1.05 * radius);
+    let depths = [distance - 1.05 * radius, distance + 1.05 * radius];
     let camera = Camera::look_at(SIZE, DVec3::Z * distance, DVec3::ZERO, up, field, depths);
     Ok((model, camera))
 }

@@ -36,6 +36,19 @@ const INHERITED: u32 = 8;
 const INSIDE: u32 = (inherit::INSIDE as u32) << INHERITED;
 const FRONT: u32 = (inherit::FRONT as u32) << INHERITED;
 
+/// Sibling groups that a batch looks at (at most [`SIZE`]), and those that come next.
+#[derive(Clone, Copy)]
+pub(super) struct BatchGroups<'a> {
+    pub(super) own: &'a [SiblingGroup],
+    pub(super) ahead: &'a [SiblingGroup],
+}
+
+/// Findings of batches: what is drawn, and marks of what hides.
+pub(super) struct BatchFindings<'a> {
+    pub(super) cut: &'a mut Cut,
+    pub(super) marks: &'a mut DepthMarks,
+}
+
 impl SiblingGroup {
     pub(super) fn new(first: u32, count: u32, inherited: u8) -> Self {
         Self {
@@ -145,20 +158,20 @@ impl NodeBatch {
         }
     }
 
-    /// Looks at groups of nodes of one level (at most [`SIZE`]): appends what is drawn of them to `cut` and
-    /// the children of what is to be opened to `open`. `ahead` are the groups that come next.
+    /// Looks at groups of nodes of one level: appends what is drawn of them to the cut and the children of
+    /// what is to be opened to `open`.
     pub(super) fn nodes(
         &mut self,
         model: &Model,
         tester: &NodeTester,
-        groups: (&[SiblingGroup], &[SiblingGroup]),
+        groups: BatchGroups<'_>,
         hiding: Option<&OcclusionTest<'_>>,
-        (cut, marks): (&mut Cut, &mut DepthMarks),
+        found: BatchFindings<'_>,
         open: &mut Vec<SiblingGroup>,
     ) {
         let nodes: &[Node] = &model.tree.nodes;
         dispatch!(self.level, simd => {
-            self.look_at_nodes(simd, (nodes, tester), groups, hiding, (cut, marks), open);
+            self.look_at_nodes(simd, (nodes, tester), groups, hiding, found, open);
         });
     }
 
@@ -167,11 +180,13 @@ impl NodeBatch {
         &mut self,
         simd: S,
         (nodes, tester): (&[Node], &NodeTester),
-        (groups, ahead): (&[SiblingGroup], &[SiblingGroup]),
+        groups: BatchGroups<'_>,
         hiding: Option<&OcclusionTest<'_>>,
-        (cut, marks): (&mut Cut, &mut DepthMarks),
+        found: BatchFindings<'_>,
         open: &mut Vec<SiblingGroup>,
     ) {
+        let BatchGroups { own: groups, ahead } = groups;
+        let BatchFindings { cut, marks } = found;
         let ahead = &mut PrefetchAhead::new(nodes, ahead);
         let hides = hiding.filter(|hiding| hiding.asks_splats());
         let exact = hiding.filter(|hiding| hiding.is_exact());
@@ -182,7 +197,7 @@ impl NodeBatch {
         counts.add_to(cut);
         match hides {
             Some(hiding) => {
-                self.hide_rows(simd, (hiding, tester), groups, (marks, cut), ahead);
+                self.hide_rows(simd, hiding, tester, groups, (marks, cut), ahead);
                 self.hide_nodes(simd, hiding, groups, (marks, cut), ahead);
                 ahead.ask_rest();
             }
@@ -320,12 +335,12 @@ impl NodeBatch {
         &mut self,
         model: &Model,
         tester: &NodeTester,
-        groups: (&[SiblingGroup], &[SiblingGroup]),
+        groups: BatchGroups<'_>,
         hiding: Option<&OcclusionTest<'_>>,
-        found: (&mut Cut, &mut DepthMarks),
+        found: BatchFindings<'_>,
     ) {
         dispatch!(self.level, simd => {
-            self.look_at_leaves(simd, (model, tester), groups, hiding, found);
+            self.look_at_leaves(simd, model, tester, groups, hiding, found);
         });
     }
 
@@ -333,11 +348,14 @@ impl NodeBatch {
     fn look_at_leaves<S: Simd>(
         &mut self,
         simd: S,
-        (model, tester): (&Model, &NodeTester),
-        (groups, ahead): (&[SiblingGroup], &[SiblingGroup]),
+        model: &Model,
+        tester: &NodeTester,
+        groups: BatchGroups<'_>,
         hiding: Option<&OcclusionTest<'_>>,
-        (cut, marks): (&mut Cut, &mut DepthMarks),
+        found: BatchFindings<'_>,
     ) {
+        let BatchGroups { own: groups, ahead } = groups;
+        let BatchFindings { cut, marks } = found;
         self.load_leaves(&model.tree.leaves, groups, ahead);
         self.test_leaves(simd, tester, groups).add_to(cut);
         // Sides take vertices, so they are asked for last where most leaves are far smaller than a pixel.
@@ -349,7 +367,7 @@ impl NodeBatch {
             self.drop_between(simd, hiding, groups.len(), cut);
         }
         self.drop_away(model, tester).add_to(cut);
-        self.draw_leaves(simd, model, (after, hiding), groups, (cut, marks));
+        self.draw_leaves(simd, model, after, hiding, groups, (cut, marks));
     }
 
     /// Draws the leaves that are kept, less what is hidden.
@@ -358,7 +376,8 @@ impl NodeBatch {
         &mut self,
         simd: S,
         model: &Model,
-        (between, hiding): (Option<&OcclusionTest<'_>>, Option<&OcclusionTest<'_>>),
+        between: Option<&OcclusionTest<'_>>,
+        hiding: Option<&OcclusionTest<'_>>,
         groups: &[SiblingGroup],
         (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {

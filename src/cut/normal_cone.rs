@@ -246,7 +246,7 @@ mod tests {
             (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
         };
         let eye = DVec3::new(0.3, 0.2, 3.0);
-        let camera = Camera::look_at((400, 300), eye, DVec3::ZERO, DVec3::Y, 0.8, (0.1, 20.0));
+        let camera = Camera::look_at((400, 300), eye, DVec3::ZERO, DVec3::Y, 0.8, [0.1, 20.0]);
         let view = camera.view(DVec3::ZERO).expect("a usable camera");
         let (mut away, mut front, mut unsure) = (0, 0, 0);
         for round in 0..20_000 {

@@ -11,7 +11,7 @@
 //! in ascending order.
 
 use crate::cut::batch;
-use crate::cut::batch::{NodeBatch, SiblingGroup};
+use crate::cut::batch::{BatchFindings, BatchGroups, NodeBatch, SiblingGroup};
 use crate::cut::coherent::{CoherentFront, children_of};
 use crate::cut::frustum_and_size::NodeTester;
 use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};
@@ -60,8 +60,9 @@ impl NodeFront {
         (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
         self.open.clear();
-        for pair in batches(&self.groups) {
-            batch.nodes(model, tester, pair, hiding, (cut, marks), &mut self.open);
+        for groups in batches(&self.groups) {
+            let found = BatchFindings { cut, marks };
+            batch.nodes(model, tester, groups, hiding, found, &mut self.open);
         }
         std::mem::swap(&mut self.groups, &mut self.open);
     }
@@ -81,17 +82,18 @@ impl NodeFront {
         batch: &mut NodeBatch,
         (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
-        for pair in batches(&self.groups) {
-            batch.leaves(model, tester, pair, hiding, (cut, marks));
+        for groups in batches(&self.groups) {
+            batch.leaves(model, tester, groups, hiding, BatchFindings { cut, marks });
         }
     }
 }
 
 /// Batches, each with what comes after it.
-fn batches<T>(groups: &[T]) -> impl Iterator<Item = (&[T], &[T])> {
+fn batches(groups: &[SiblingGroup]) -> impl Iterator<Item = BatchGroups<'_>> {
     let ahead = (batch::SIZE..).step_by(batch::SIZE);
     let ahead = ahead.map(|at| groups.get(at..).unwrap_or_default());
-    groups.chunks(batch::SIZE).zip(ahead)
+    let own = groups.chunks(batch::SIZE).zip(ahead);
+    own.map(|(own, ahead)| BatchGroups { own, ahead })
 }
 
 /// What was found below some consecutive groups of a level: a cut of its own, and where each level ends in its lists.

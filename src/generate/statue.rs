@@ -110,15 +110,17 @@ struct StatueFace {
 
 /// Bottom, the four sides (rows along the rings), top.
 const FACES: [StatueFace; 6] = [
-    face(2, false, (0, -1), (1, 1)),
-    face(1, false, (0, 1), (2, 1)),
-    face(0, true, (1, 1), (2, 1)),
-    face(1, true, (0, -1), (2, 1)),
-    face(0, false, (1, -1), (2, 1)),
-    face(2, true, (0, 1), (1, 1)),
+    face(2, false, [(0, -1), (1, 1)]),
+    face(1, false, [(0, 1), (2, 1)]),
+    face(0, true, [(1, 1), (2, 1)]),
+    face(1, true, [(0, -1), (2, 1)]),
+    face(0, false, [(1, -1), (2, 1)]),
+    face(2, true, [(0, 1), (1, 1)]),
 ];
 
-const fn face(axis: usize, far: bool, right: (usize, i32), up: (usize, i32)) -> StatueFace {
+/// Face with axes to the right and up, each a number and a direction.
+const fn face(axis: usize, far: bool, axes: [(usize, i32); 2]) -> StatueFace {
+    let [right, up] = axes;
     StatueFace {
         axis,
         far,

@@ -116,7 +116,8 @@ impl DeviceImage {
             name,
             format,
             (width, height),
-            (usage, ImageMemory::Device),
+            usage,
+            ImageMemory::Device,
         )
     }
 
@@ -137,7 +138,8 @@ impl DeviceImage {
             name,
             format,
             (width, height),
-            (usage, ImageMemory::Device),
+            usage,
+            ImageMemory::Device,
         )
     }
 
@@ -158,8 +160,14 @@ impl DeviceImage {
         if width.max(height) > gpu.info.max_mapped_side {
             return Ok(None);
         }
-        let usage = (MAPPED_USAGE, ImageMemory::Mapped);
-        let mut image = Self::with(gpu, name, MAPPED_FORMAT, (width, height), usage)?;
+        let mut image = Self::with(
+            gpu,
+            name,
+            MAPPED_FORMAT,
+            (width, height),
+            MAPPED_USAGE,
+            ImageMemory::Mapped,
+        )?;
         let plane = vk::ImageSubresource {
             aspect_mask: MAPPED_FORMAT.aspect(),
             mip_level: 0,
@@ -223,7 +231,8 @@ impl DeviceImage {
         name: &str,
         format: ImageFormat,
         (width, height): (u32, u32),
-        (usage, place): (vk::ImageUsageFlags, ImageMemory),
+        usage: vk::ImageUsageFlags,
+        place: ImageMemory,
     ) -> Result<Self, Error> {
         let limit = gpu.info.max_image_side;
         for side in [width, height] {

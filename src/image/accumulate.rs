@@ -195,7 +195,7 @@ mod tests {
     fn even_samples_and_their_parts_lie_in_each_column_row_and_cell() {
         let size = (64, 48);
         let eye = DVec3::new(0.0, 0.0, 4.0);
-        let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.8, (1.0, 9.0));
+        let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.8, [1.0, 9.0]);
         let view = camera.view(DVec3::ZERO).unwrap();
         let (x, y, _) = view.project(Vec3::ZERO);
         let place_in = |view: View| {
@@ -236,7 +236,7 @@ mod tests {
             DVec3::ZERO,
             DVec3::Y,
             0.8,
-            (1.0, 9.0),
+            [1.0, 9.0],
         );
         let perspective = camera.view(DVec3::ZERO).unwrap();
         let mut orthographic = perspective;
@@ -278,7 +278,7 @@ mod tests {
             DVec3::ZERO,
             DVec3::Y,
             0.8,
-            (1.0, 9.0),
+            [1.0, 9.0],
         );
         let view = camera.view(DVec3::ZERO).unwrap();
         let k = 8;

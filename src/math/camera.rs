@@ -111,7 +111,7 @@ impl Camera {
         target: DVec3,
         up: DVec3,
         fov_y: f64,
-        (near, far): (f64, f64),
+        [near, far]: [f64; 2],
     ) -> Self {
         let back = (eye - target).normalize_or(DVec3::Z);
         let right = up.cross(back).normalize_or(back.any_orthonormal_vector());
@@ -165,7 +165,7 @@ impl Camera {
             center,
             up,
             fov_y,
-            (near, d + 1.05 * radius),
+            [near, d + 1.05 * radius],
         )
     }
 
@@ -456,7 +456,7 @@ mod tests {
             DVec3::ZERO,
             DVec3::Y,
             1.0,
-            (0.5, 9.0),
+            [0.5, 9.0],
         );
         let view = camera.view(DVec3::ZERO).unwrap();
         assert!((view.near - 0.5).abs() < 1e-6 && (view.far - 9.0).abs() < 1e-5);
@@ -479,7 +479,7 @@ mod tests {
             DVec3::ZERO,
             DVec3::Y,
             60f64.to_radians(),
-            (0.1, 10.0),
+            [0.1, 10.0],
         );
         let view = camera.view(DVec3::ZERO).unwrap();
         let (x, y, z) = view.project(Vec3::new(1.0, 0.5, 0.0));

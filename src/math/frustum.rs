@@ -117,7 +117,7 @@ mod tests {
 
     fn views() -> Vec<View> {
         let eye = DVec3::new(1.0, 2.0, 5.0);
-        let mut camera = Camera::look_at((300, 200), eye, DVec3::ZERO, DVec3::Y, 0.9, (0.5, 9.0));
+        let mut camera = Camera::look_at((300, 200), eye, DVec3::ZERO, DVec3::Y, 0.9, [0.5, 9.0]);
         let plain = camera.view(DVec3::new(0.1, -0.2, 0.3)).unwrap();
         camera.proj.z_axis.x = 0.3;
         camera.proj.z_axis.y = -0.2;

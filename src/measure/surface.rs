@@ -52,7 +52,7 @@ mod tests {
             DVec3::ZERO,
             DVec3::Y,
             fov_y,
-            (1.0, 9.0),
+            [1.0, 9.0],
         );
         let mut view = camera.view(DVec3::ZERO).unwrap();
         let inf = f32::INFINITY;

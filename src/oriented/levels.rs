@@ -298,7 +298,7 @@ mod tests {
             DVec3::ZERO,
             DVec3::Y,
             1.0,
-            (0.01 * distance, 4.0 * distance),
+            [0.01 * distance, 4.0 * distance],
         );
         camera.view(DVec3::ZERO).unwrap()
     }

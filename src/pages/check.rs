@@ -109,7 +109,7 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
             return report;
         }
         if let Some((index, _)) = file.member_of(&entry) {
-            check_member(file, index, (&entry, outer), (&mut report, progress));
+            check_member(file, index, &entry, outer, &mut report, progress);
             continue;
         }
         if entry.offset != end || u64::from(entry.id) != report.pages {
@@ -175,8 +175,10 @@ pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
 fn check_member(
     forest: &PagedFile,
     index: usize,
-    (entry, outer): (&PageEntry, Option<(DVec3, f64)>),
-    (report, progress): (&mut PagedReport, &dyn Progress),
+    entry: &PageEntry,
+    outer: Option<(DVec3, f64)>,
+    report: &mut PagedReport,
+    progress: &dyn Progress,
 ) {
     let first = forest.read_page(entry, DecodeOptions::default());
     match first.and_then(|page| Ok((page, forest.open_member(index)?))) {

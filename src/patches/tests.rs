@@ -331,7 +331,7 @@ fn view_of_sheet(side: u32, toward: DVec3) -> View {
     } else {
         DVec3::Z
     };
-    let camera = Camera::look_at((side, side), eye, middle, up, 0.6, (0.1, 10.0));
+    let camera = Camera::look_at((side, side), eye, middle, up, 0.6, [0.1, 10.0]);
     camera.view(DVec3::ZERO).unwrap()
 }
 

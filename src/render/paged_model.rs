@@ -348,8 +348,7 @@ impl PagedModel {
                         tests,
                         marks,
                     }) => {
-                        let depth = (depth, undrawn());
-                        selector.select_part(model, tests, depth, (cut, marks));
+                        selector.select_part(model, tests, depth, undrawn(), (cut, marks));
                     }
                     None => alone.select(selector, model, undrawn, cut),
                 }

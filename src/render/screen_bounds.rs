@@ -209,7 +209,7 @@ mod tests {
                 DVec3::NEG_Z,
                 DVec3::Y,
                 angle,
-                (near, 100.0),
+                [near, 100.0],
             )
             .view(DVec3::ZERO)
             .unwrap()
@@ -244,7 +244,7 @@ mod tests {
         let margin = 4.25;
         let camera = |fov| {
             let eye = DVec3::new(0.0, -6.0, 1.0);
-            let view = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Z, fov, (0.1, 100.0));
+            let view = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Z, fov, [0.1, 100.0]);
             view.view(DVec3::ZERO).unwrap()
         };
         let mut off_center = camera(0.9);

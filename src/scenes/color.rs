@@ -19,7 +19,7 @@ pub(super) fn opposite_normals() -> BuiltScene {
     let eye = DVec3::new(0.75f64.sqrt(), 0.0, 0.5) * DISTANCE;
     BuiltScene {
         mesh: shape.mesh,
-        camera: camera(eye, DVec3::ZERO, (1.0, 2.0 * DISTANCE)),
+        camera: camera(eye, DVec3::ZERO, [1.0, 2.0 * DISTANCE]),
         threshold_px: 6.0,
         expected: ExpectedFigures {
             color: Some([102; 3]),

@@ -27,7 +27,7 @@ fn long_lens(direction: DVec3) -> Camera {
         FARTHER * FOCAL,
         direction * distance,
         DVec3::ZERO,
-        (distance - 4.0, distance + 4.0),
+        [distance - 4.0, distance + 4.0],
     )
 }
 

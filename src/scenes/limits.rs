@@ -110,7 +110,7 @@ pub(super) fn near_plane() -> BuiltScene {
     let side = f64::from(SIDE);
     BuiltScene {
         mesh: shape.mesh,
-        camera: camera(DVec3::ZERO, DVec3::NEG_Z, (near, 50.0)),
+        camera: camera(DVec3::ZERO, DVec3::NEG_Z, [near, 50.0]),
         threshold_px: 8.0,
         expected: ExpectedFigures {
             covered_px: Some((side / 2.0 + end) * side),
@@ -127,7 +127,7 @@ pub(super) fn inside() -> BuiltScene {
         camera: camera(
             DVec3::new(0.2, 0.1, 0.3),
             DVec3::new(0.0, 0.0, -1.0),
-            (0.05, 3.0),
+            [0.05, 3.0],
         ),
         threshold_px: 6.0,
         expected: ExpectedFigures {
@@ -150,7 +150,7 @@ fn statue_camera(center: DVec3, scale: f64) -> Camera {
     camera(
         center + DVec3::new(1.0, 0.8, 4.0) * scale,
         center,
-        (1.5 * scale, 8.0 * scale),
+        [1.5 * scale, 8.0 * scale],
     )
 }
 

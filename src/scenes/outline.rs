@@ -29,7 +29,7 @@ pub(super) fn silhouette() -> BuiltScene {
             focal,
             DVec3::new(0.0, 0.0, 3.0),
             DVec3::ZERO,
-            (1.0, 5.0),
+            [1.0, 5.0],
         ),
         threshold_px: 8.0,
         expected: ExpectedFigures {
@@ -65,7 +65,7 @@ pub(super) fn horizon() -> BuiltScene {
     let side = f64::from(SIDE);
     BuiltScene {
         mesh: shape.mesh,
-        camera: camera(DVec3::Y, DVec3::Y - DVec3::Z, (0.5, 150.0)),
+        camera: camera(DVec3::Y, DVec3::Y - DVec3::Z, [0.5, 150.0]),
         threshold_px: 4.0,
         expected: ExpectedFigures {
             covered_px: Some(side * (side / 2.0 - FOCAL / 101.0)),
@@ -80,7 +80,7 @@ pub(super) fn cube_edge() -> BuiltScene {
     let half = DVec3::splat(0.7);
     let mut shape = SceneShape::default();
     shape.block(-half, half, [24; 3], [RED, GREEN, BLUE, BLUE]);
-    let camera = camera(DVec3::new(2.4, 1.8, 2.6), DVec3::ZERO, (1.0, 8.0));
+    let camera = camera(DVec3::new(2.4, 1.8, 2.6), DVec3::ZERO, [1.0, 8.0]);
     BuiltScene {
         mesh: shape.mesh,
         threshold_px: 8.0,
@@ -111,7 +111,7 @@ pub(super) fn cube_corner() -> BuiltScene {
     ] {
         shape.mesh.triangles.extend([[a, b, c], [a, c, d]]);
     }
-    let camera = camera(DVec3::new(3.0, -2.9, -2.9), DVec3::ZERO, (1.0, 10.0));
+    let camera = camera(DVec3::new(3.0, -2.9, -2.9), DVec3::ZERO, [1.0, 10.0]);
     BuiltScene {
         mesh: shape.mesh,
         threshold_px: 4.0,
@@ -144,7 +144,7 @@ pub(super) fn pedestal() -> BuiltScene {
         camera: camera(
             DVec3::new(1.8, 1.6, 3.2),
             DVec3::new(0.0, 0.15, 0.0),
-            (1.0, 8.0),
+            [1.0, 8.0],
         ),
         threshold_px: 6.0,
         expected: ExpectedFigures::default(),
@@ -178,7 +178,7 @@ pub(super) fn statue_on_plinth() -> BuiltScene {
         camera: camera(
             DVec3::new(2.6, 0.9, 5.4),
             DVec3::new(0.0, -0.2, 0.0),
-            (2.0, 10.0),
+            [2.0, 10.0],
         ),
         threshold_px: 3.0,
         expected: ExpectedFigures::default(),
@@ -222,7 +222,7 @@ pub(super) fn edge_on() -> BuiltScene {
     let eye = DVec3::new(0.0, 0.0, DISTANCE);
     BuiltScene {
         mesh: shape.mesh,
-        camera: camera(eye, DVec3::ZERO, (1.0, 8.0)),
+        camera: camera(eye, DVec3::ZERO, [1.0, 8.0]),
         threshold_px: 6.0,
         expected: ExpectedFigures {
             covered_px: Some(0.0),

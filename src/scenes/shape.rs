@@ -22,7 +22,7 @@ pub(super) const GREEN: [u8; 3] = [0, 255, 0];
 pub(super) const BLUE: [u8; 3] = [0, 0, 255];
 
 /// A camera of [`SIDE`] x [`SIDE`] pixels and focal length [`FOCAL`] with +y up.
-pub(super) fn camera(eye: DVec3, target: DVec3, near_far: (f64, f64)) -> Camera {
+pub(super) fn camera(eye: DVec3, target: DVec3, near_far: [f64; 2]) -> Camera {
     camera_of(SIDE, FOCAL, eye, target, near_far)
 }
 
@@ -32,7 +32,7 @@ pub(super) fn camera_of(
     focal_px: f64,
     eye: DVec3,
     target: DVec3,
-    near_far: (f64, f64),
+    near_far: [f64; 2],
 ) -> Camera {
     let fov_y = 2.0 * (0.5 * f64::from(side) / focal_px).atan();
     Camera::look_at((side, side), eye, target, DVec3::Y, fov_y, near_far)
@@ -43,7 +43,7 @@ pub(super) fn front() -> Camera {
     camera(
         DVec3::new(0.0, 0.0, DISTANCE),
         DVec3::ZERO,
-        (1.0, 2.0 * DISTANCE),
+        [1.0, 2.0 * DISTANCE],
     )
 }
 

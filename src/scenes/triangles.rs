@@ -10,7 +10,7 @@ use glam::DVec3;
 
 /// Looks at the torus (outer radius 1.4) from above.
 fn torus_camera() -> Camera {
-    camera(DVec3::new(0.0, 2.4, 3.4), DVec3::ZERO, (1.0, 8.0))
+    camera(DVec3::new(0.0, 2.4, 3.4), DVec3::ZERO, [1.0, 8.0])
 }
 
 /// The torus of 2000 x 10 cells: each is 80 times as long as wide.
@@ -92,7 +92,7 @@ pub(super) fn spikes() -> BuiltScene {
     }
     BuiltScene {
         mesh,
-        camera: camera(DVec3::new(1.0, 1.5, 3.6), DVec3::ZERO, (1.0, 8.0)),
+        camera: camera(DVec3::new(1.0, 1.5, 3.6), DVec3::ZERO, [1.0, 8.0]),
         threshold_px: 10.0,
         expected: ExpectedFigures::default(),
     }

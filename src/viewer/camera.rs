@@ -333,7 +333,14 @@ impl OrbitCamera {
         } else {
             self.up.direction()
         };
-        Camera::look_at(self.size, eye, target, world_up, FOV_Y, self.near_far())
+        Camera::look_at(
+            self.size,
+            eye,
+            target,
+            world_up,
+            FOV_Y,
+            self.near_far().into(),
+        )
     }
 }
 

@@ -202,7 +202,7 @@ mod tests {
 
     fn view(distance: f64, size: (u32, u32)) -> View {
         let eye = DVec3::new(0.3, 0.2, 1.0).normalize() * distance;
-        let range = (0.1, 100.0);
+        let range = [0.1, 100.0];
         let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.8, range);
         camera.view(DVec3::ZERO).unwrap()
     }

@@ -154,7 +154,7 @@ mod tests {
 
     fn view() -> View {
         let eye = DVec3::new(4.0, 3.0, 9.0);
-        let camera = Camera::look_at((800, 600), eye, DVec3::ZERO, DVec3::Y, 0.8, (0.1, 100.0));
+        let camera = Camera::look_at((800, 600), eye, DVec3::ZERO, DVec3::Y, 0.8, [0.1, 100.0]);
         camera.view(DVec3::ZERO).unwrap()
     }
 
@@ -229,7 +229,7 @@ mod tests {
         assert_ne!(own.at(&view, beside), Some(upper));
         // Along the axis a pixel tells no length.
         let eye = DVec3::new(9.0, 0.0, 0.0);
-        let camera = Camera::look_at((80, 60), eye, DVec3::ZERO, DVec3::Y, 0.8, (0.1, 100.0));
+        let camera = Camera::look_at((80, 60), eye, DVec3::ZERO, DVec3::Y, 0.8, [0.1, 100.0]);
         let along = camera.view(DVec3::ZERO).unwrap();
         assert_eq!(own.along(&along, upper, DVec2::new(40.0, 30.0)), None);
     }

@@ -57,7 +57,7 @@ fn a_centered_sphere_has_the_published_outline() {
             DVec3::ZERO,
             DVec3::Y,
             60f64.to_radians(),
-            (0.01, 30.0),
+            [0.01, 30.0],
         );
         let view = camera.view(DVec3::ZERO).unwrap();
         for metric in [SizeMetric::Exact, SizeMetric::Angle, SizeMetric::Area] {

@@ -414,7 +414,7 @@ pub fn look(eye: DVec3, target: DVec3, (near, far): (f64, f64)) -> View {
     } else {
         DVec3::Y
     };
-    let camera = Camera::look_at((500, 400), eye, target, up, 60f64.to_radians(), (near, far));
+    let camera = Camera::look_at((500, 400), eye, target, up, 60f64.to_radians(), [near, far]);
     camera.view(DVec3::ZERO).unwrap()
 }
 
@@ -433,7 +433,7 @@ pub fn look_flat(
     } else {
         DVec3::Y
     };
-    let mut camera = Camera::look_at((500, 400), eye, target, up, 1.0, (1.0, 2.0));
+    let mut camera = Camera::look_at((500, 400), eye, target, up, 1.0, [1.0, 2.0]);
     camera.view = DMat4::from_scale(DVec3::splat(scale)) * camera.view;
     let (near, far, s) = (near * scale, far * scale, 2.0 / (height * scale));
     camera.proj = DMat4::from_cols(

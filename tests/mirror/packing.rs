@@ -34,7 +34,7 @@ fn facing(unit_px: f64) -> View {
     let distance = size / (2.0 * 0.5f64.tan()) / unit_px;
     let target = DVec3::new(20.0, 20.0, 0.0);
     let eye = target + DVec3::Z * distance;
-    let range = (0.1, 2.0 * distance);
+    let range = [0.1, 2.0 * distance];
     Camera::look_at((800, 800), eye, target, DVec3::Y, 1.0, range)
         .view(DVec3::ZERO)
         .unwrap()

@@ -93,7 +93,7 @@ pub(crate) fn from_origin(size: (u32, u32), fov_degrees: f64, planes: (f64, f64)
         DVec3::NEG_Z,
         DVec3::Y,
         fov_degrees.to_radians(),
-        planes,
+        planes.into(),
     )
     .view(DVec3::ZERO)
     .unwrap()
@@ -141,7 +141,7 @@ pub(crate) fn sphere_view(d: f64, size: u32) -> View {
         DVec3::ZERO,
         DVec3::Y,
         PI / 3.0,
-        (d - 1.05, d + 1.05),
+        [d - 1.05, d + 1.05],
     )
     .view(DVec3::ZERO)
     .unwrap()

@@ -193,7 +193,7 @@ fn back_faces_are_culled_by_what_the_eye_sees() {
         DVec3::ZERO,
         DVec3::Y,
         PI / 3.0,
-        (1.5, 4.5),
+        [1.5, 4.5],
     );
     camera.proj.x_axis.x = -camera.proj.x_axis.x;
     let mirrored = render(

@@ -136,7 +136,7 @@ fn of_equally_far_visibility_splats_the_same_one_is_seen() {
             glam::DVec3::ZERO,
             glam::DVec3::Y,
             0.9,
-            (1.0, 8.0),
+            [1.0, 8.0],
         );
         camera.proj = glam::DMat4::from_cols(
             glam::DVec4::X * scale,

@@ -146,7 +146,7 @@ fn clouds_parallel_views_and_an_eye_inside_alike() {
         DVec3::ZERO,
         DVec3::Y,
         1.0,
-        (1.0, 8.0),
+        [1.0, 8.0],
     );
     camera.proj = glam::DMat4::from_cols(
         glam::DVec4::new(0.55, 0.0, 0.0, 0.0),
@@ -161,7 +161,7 @@ fn clouds_parallel_views_and_an_eye_inside_alike() {
         DVec3::new(0.3, 0.1, 1.0),
         DVec3::Y,
         1.2,
-        (0.01, 5.0),
+        [0.01, 5.0],
     )
     .view(DVec3::ZERO)
     .unwrap();

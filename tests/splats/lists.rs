@@ -15,7 +15,7 @@ fn view() -> View {
         DVec3::NEG_Z,
         DVec3::Y,
         1.0,
-        (0.5, 50.0),
+        [0.5, 50.0],
     )
     .view(DVec3::ZERO)
     .unwrap()

@@ -110,7 +110,7 @@ fn large_splats_near_the_eye_alike() {
         (DVec3::new(0.0, 0.0, 0.5), DVec3::new(0.3, 0.1, 1.0)),
         (DVec3::new(0.3, 0.4, 1.3), DVec3::ZERO),
     ] {
-        let camera = Camera::look_at((320, 260), eye, target, DVec3::Y, 1.2, (0.01, 5.0));
+        let camera = Camera::look_at((320, 260), eye, target, DVec3::Y, 1.2, [0.01, 5.0]);
         let view = camera.view(DVec3::ZERO).unwrap();
         for kind in KINDS {
             for (method, threshold) in [(Method::Splats, 3.0), (Method::Pop, 300.0)] {
@@ -152,7 +152,7 @@ fn an_orthographic_view_alike() {
         DVec3::ZERO,
         DVec3::Y,
         1.0,
-        (1.0, 8.0),
+        [1.0, 8.0],
     );
     // Off center, so that the offset of the projection matters.
     camera.proj = glam::DMat4::from_cols(
@@ -188,7 +188,7 @@ fn ellipses_keep_the_outline_where_squares_inflate_it() {
         DVec3::ZERO,
         DVec3::Y,
         60f64.to_radians(),
-        (1.9, 4.1),
+        [1.9, 4.1],
     );
     let view = camera.view(DVec3::ZERO).unwrap();
     // methods.md 15.1: 153.093 pixels.

@@ -205,7 +205,7 @@ fn view(model: &Model, z: u32, elevation: f64) -> Result<View, ChartError> {
         center,
         DVec3::Y,
         60f64.to_radians(),
-        (0.01 * radius, (distance + 1.1) * radius),
+        [0.01 * radius, (distance + 1.1) * radius],
     );
     Ok(camera.view(model.origin)?)
 }

@@ -122,7 +122,7 @@ impl FailureScene {
         let (center, eye) = ((low + high) / 2.0, eye_of(&surface));
         let distance = eye.distance(center);
         let opening = 2.0 * (1.05 * radius / distance / zoom).min(0.9).asin();
-        let range = (0.05 * distance, distance + 2.0 * radius);
+        let range = [0.05 * distance, distance + 2.0 * radius];
         let camera = Camera::look_at(SIZE, eye, center, DVec3::Z, opening, range);
         Ok(Rc::new(Self {
             view: camera.view(DVec3::ZERO)?,

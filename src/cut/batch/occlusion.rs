@@ -177,7 +177,8 @@ impl NodeBatch {
     pub(super) fn hide_rows<S: Simd>(
         &mut self,
         simd: S,
-        (hiding, tester): (&OcclusionTest<'_>, &NodeTester),
+        hiding: &OcclusionTest<'_>,
+        tester: &NodeTester,
         groups: &[SiblingGroup],
         (marks, cut): (&mut DepthMarks, &mut Cut),
         ahead: &mut PrefetchAhead<'_>,

@@ -94,7 +94,8 @@ impl CutSelector {
         &mut self,
         model: &Model,
         tests: &PartTests<'_>,
-        (depth, undrawn): (&SharedDepth, &ZeroAreaSet),
+        depth: &SharedDepth,
+        undrawn: &ZeroAreaSet,
         (cut, marks): (&mut Cut, &mut PartMarks),
     ) {
         let tester = &depth.tester(model, tests);

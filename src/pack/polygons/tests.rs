@@ -10,7 +10,7 @@ fn camera(eye: DVec3) -> View {
         DVec3::new(0.1, 0.2, 0.0),
         DVec3::Y,
         fov,
-        (0.1, 50.0),
+        [0.1, 50.0],
     )
     .view(DVec3::ZERO)
     .unwrap()
@@ -178,7 +178,7 @@ fn what_lies_before_the_near_plane_is_cut_off() {
         DVec3::new(0.0, 0.0, -4.0),
         DVec3::Y,
         1.0,
-        (0.5, 50.0),
+        [0.5, 50.0],
     )
     .view(DVec3::ZERO)
     .unwrap();

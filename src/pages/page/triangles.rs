@@ -357,7 +357,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     fill_attributes(
         words,
         &mut tree,
-        (&vertices, &triangles),
+        &vertices,
+        &triangles,
         (header.has_colors(), any_normal),
     );
     let (thin, mut capsules) = strips;
@@ -395,7 +396,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
 fn fill_attributes(
     words: &[u8],
     tree: &mut Tree,
-    (vertices, triangles): (&[Vertex], &[[u32; 3]]),
+    vertices: &[Vertex],
+    triangles: &[[u32; 3]],
     (has_colors, any_normal): (bool, bool),
 ) {
     let mut sums = ColorSums {

@@ -240,7 +240,8 @@ fn foot<S: Simd>(
 #[inline(always)]
 fn byte<S: Simd>(
     simd: S,
-    (light, patch): (&PatchLight, BatchLane<'_>),
+    light: &PatchLight,
+    patch: BatchLane<'_>,
     part: usize,
     (at, lambert): ([Lanes<S>; 2], Lanes<S>),
 ) -> i32x16<S> {
@@ -312,9 +313,9 @@ fn lit<S: Simd>(
     };
     let share = batch.share.0[lane];
     let lambert = squared.simd_gt(0.0).select(lambert.min(one), one) * share;
-    let (how, what) = ((light, patch), (at, lambert));
-    let red = byte(simd, how, 0, what);
-    let green = byte(simd, how, 1, what);
-    let blue = byte(simd, how, 2, what);
+    let what = (at, lambert);
+    let red = byte(simd, light, patch, 0, what);
+    let green = byte(simd, light, patch, 1, what);
+    let blue = byte(simd, light, patch, 2, what);
     (red | (green << 8) | (blue << 16) | COVERED).bitcast()
 }

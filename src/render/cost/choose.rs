@@ -437,7 +437,7 @@ mod tests {
             model.origin,
             glam::DVec3::Y,
             2.0 * 0.05f64.atan(),
-            (1.0, 2000.0),
+            [1.0, 2000.0],
         );
         let view = camera.view(model.origin).unwrap();
         let size = |splat, threshold_px, cut: &Cut| {

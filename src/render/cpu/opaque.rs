@@ -36,7 +36,7 @@ use crate::pack::Footprint;
 use crate::pack::parallel;
 use crate::pack::splats;
 use crate::pack::splats::{PackedPart, SplatPlan, SplatWriter};
-use crate::render::cpu::opaque::bands::{KnownSplats, SPLAT_BIT, draw_by};
+use crate::render::cpu::opaque::bands::{KnownSplats, OpaqueSplatList, SPLAT_BIT, draw_by};
 use crate::render::cpu::opaque::deferred_shading::WrittenPart;
 use crate::tree::Model;
 use fearless_simd::Level;
@@ -83,7 +83,12 @@ pub fn draw(
     let own = own
         .map(|part| (ListedSplats::List(part), part.len()))
         .collect();
-    let (list, known) = ((own, look, sampled), KnownSplats::Colors);
+    let list = OpaqueSplatList {
+        parts: own,
+        look,
+        samples: sampled,
+    };
+    let known = KnownSplats::Colors;
     draw_by(Level::new(), list, frame, known, (places, picture));
 }
 
@@ -167,7 +172,11 @@ fn draw_cut_by(
         true => KnownSplats::Colors,
         false => KnownSplats::Places,
     };
-    let list = (own, look, samples);
+    let list = OpaqueSplatList {
+        parts: own,
+        look,
+        samples,
+    };
     draw_by(level, list, frame, known, (places, picture.again()));
     if !are_seen {
         let count = parts.iter().map(|part| part.count).sum::<usize>();

@@ -22,7 +22,7 @@ fn statue() -> Model {
 fn view_of(model: &Model) -> View {
     let sphere = model.orbit_sphere();
     let at = sphere.center + DVec3::Z * 4.0 * sphere.radius;
-    let planes = (sphere.radius, 8.0 * sphere.radius);
+    let planes = [sphere.radius, 8.0 * sphere.radius];
     let camera = Camera::look_at((200, 100), at, sphere.center, DVec3::Y, 0.6, planes);
     camera.view(model.origin).unwrap()
 }

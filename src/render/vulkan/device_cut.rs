@@ -24,13 +24,13 @@ use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
 use crate::render::cut_key::CutKey;
 use crate::render::frame_plan::FramePlan;
 use crate::render::vulkan::device_tree;
-use crate::render::vulkan::device_tree::DeviceTree;
+use crate::render::vulkan::device_tree::{DeviceTree, SceneTree};
 use crate::render::vulkan::expand_ids::{ChosenIds, ExpandedKind};
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::raster_pass::{
     ChosenSplats, ListArguments, PageRange, RasterSplats, RasterTriangles,
 };
-use crate::render::vulkan::scene::DeviceScene;
+use crate::render::vulkan::scene::{DeviceScene, ScenePage};
 use crate::render::vulkan::storage_ranges::{ComputeList, ListGroups};
 use crate::tree::Model;
 use std::sync::Arc;
@@ -103,6 +103,9 @@ pub(crate) struct ChoiceRules {
     pub(crate) are_samples: bool,
 }
 
+/// Byte of the counters at which the workgroups of a level are.
+const LEVEL_GROUPS: u64 = std::mem::offset_of!(CutCounters, workgroups) as u64;
+
 /// Inputs that decide the lists of a cut on the device: equal ones give the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ChosenKey {
@@ -142,8 +145,8 @@ impl DeviceCut {
     /// When it does not fit, or a Vulkan call fails.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        on_device: &DeviceTree,
-        (model, scene): (&Model, &DeviceScene),
+        on: SceneTree<'_>,
+        model: &Model,
         (kind, slots): (ExpandedKind, usize),
     ) -> Result<Self, Error> {
         let tree = &model.tree;
@@ -158,11 +161,11 @@ impl DeviceCut {
         let with_room = |bytes| bytes + ALIGNMENT_ROOM;
         device_tree::fits_bindings(gpu, [queue, ids, with_room(records), with_room(indices)])?;
         let lists = ids + records + indices;
-        device_tree::fits_memory(gpu, on_device.bytes() + 2 * queue + lists)?;
+        device_tree::fits_memory(gpu, on.tree.bytes() + 2 * queue + lists)?;
         let counters = bytes_of::<CutCounters>(1);
         let list = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::List, bytes);
         Ok(Self {
-            scene: scene.id(),
+            scene: on.scene.id(),
             levels: if tree.nodes.is_empty() {
                 0
             } else {
@@ -219,12 +222,24 @@ impl DeviceCut {
     pub(crate) fn choose(
         &self,
         frame: &mut FrameRecorder<'_>,
-        (tree, scene): (&DeviceTree, &DeviceScene),
+        on: SceneTree<'_>,
+        constants: UniformBlock,
+    ) {
+        self.choose_nodes(frame, on.tree, constants);
+        if let [page] = on.scene.pages.as_slice() {
+            self.choose_leaves(frame, on.tree, page, constants);
+            self.count(frame);
+        }
+    }
+
+    fn choose_nodes(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        tree: &DeviceTree,
         constants: UniformBlock,
     ) {
         let whole = |buffer| BufferSlice::whole(buffer);
         let counters = whole(&self.counters);
-        let workgroups = std::mem::offset_of!(CutCounters, workgroups) as u64;
         frame
             .pass("cut.tree")
             .storage_read(&tree.nodes)
@@ -255,15 +270,23 @@ impl DeviceCut {
                             whole(to),
                         ],
                     );
-                    compute.groups_from(&self.counters, workgroups);
+                    compute.groups_from(&self.counters, LEVEL_GROUPS);
                     compute.after();
                     compute.bind(&self.pipelines.next, &[constants], &[counters]);
                     compute.items(1);
                 }
             });
-        let [page] = scene.pages.as_slice() else {
-            return;
-        };
+    }
+
+    fn choose_leaves(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        tree: &DeviceTree,
+        page: &ScenePage,
+        constants: UniformBlock,
+    ) {
+        let whole = |buffer| BufferSlice::whole(buffer);
+        let counters = whole(&self.counters);
         let queue = &self.queues[self.levels % 2];
         frame
             .pass("cut.leaves")
@@ -289,13 +312,12 @@ impl DeviceCut {
                         whole(&self.indices),
                     ],
                 );
-                compute.groups_from(&self.counters, workgroups);
+                compute.groups_from(&self.counters, LEVEL_GROUPS);
                 compute.after();
                 let lists = [counters, whole(&self.ids), whole(&self.indices)];
                 compute.bind(&self.pipelines.close, &[constants], &lists);
                 compute.items(1);
             });
-        self.count(frame);
     }
 
     /// Pass `cut.counts`: reads back, for the time when the frame has finished, what the lists have.

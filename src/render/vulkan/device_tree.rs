@@ -20,6 +20,13 @@ pub(crate) struct DeviceTree {
     pub(crate) corners: DeviceBuffer,
 }
 
+/// The tree of a scene, and the scene.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SceneTree<'a> {
+    pub(crate) tree: &'a DeviceTree,
+    pub(crate) scene: &'a DeviceScene,
+}
+
 /// Storage buffers that the passes over it bind at most: `cut.leaves` and `lists.splats`.
 const MOST_BUFFERS: u32 = 7;
 

@@ -17,10 +17,9 @@ use crate::pack::Footprint;
 use crate::pack::splats::PackedSplats;
 use crate::render::frame_plan::FramePlan;
 use crate::render::technique::Technique;
-use crate::render::vulkan::device_tree::{DeviceTree, page_of};
+use crate::render::vulkan::device_tree::{DeviceTree, SceneTree, page_of};
 use crate::render::vulkan::draw_lists::DrawLists;
 use crate::render::vulkan::raster_pass::{ListArguments, PageRange};
-use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::Context;
 use std::sync::Arc;
@@ -116,7 +115,7 @@ impl IdExpansion {
     pub(super) fn record(
         &self,
         frame: &mut FrameRecorder<'_>,
-        (tree, scene): (&DeviceTree, &DeviceScene),
+        on: SceneTree<'_>,
         (lists, kind): (&DrawLists, ExpandedKind),
         context: &Context,
     ) -> Result<(), Error> {
@@ -125,13 +124,13 @@ impl IdExpansion {
         };
         let list = (splats, held.packed, held.capacity);
         let constants = storage_ranges::constants(context);
-        self.splats(frame, (tree, scene), (list, &whole.splats, kind), constants)?;
+        self.splats(frame, on, (list, &whole.splats, kind), constants)?;
         let count = |runs: &[PageRange]| runs.iter().map(|run| run.count as usize / 3).sum();
         let triangles = [
             (large, &whole.indices, count(&lists.runs)),
             (small, &whole.small, count(&lists.small_runs)),
         ];
-        self.triangles(frame, tree, triangles, constants)
+        self.triangles(frame, on.tree, triangles, constants)
     }
 
     /// Pass `lists.splats`: writes the records of numbers that the device chose.
@@ -141,7 +140,7 @@ impl IdExpansion {
     pub(super) fn record_chosen(
         &self,
         frame: &mut FrameRecorder<'_>,
-        (tree, scene): (&DeviceTree, &DeviceScene),
+        on: SceneTree<'_>,
         (chosen, kind): (ChosenIds<'_>, ExpandedKind),
         context: &Context,
     ) -> Result<(), Error> {
@@ -153,7 +152,7 @@ impl IdExpansion {
         } = chosen;
         let constants = storage_ranges::constants(context);
         let (constants, _) = part(frame, constants, 0, room as usize)?;
-        let in_tree = tree.buffers_of_splats(page_of(scene)?);
+        let in_tree = on.tree.buffers_of_splats(page_of(on.scene)?);
         let mut pass = frame.pass("lists.splats").storage_read(ids);
         for buffer in in_tree {
             pass = pass.storage_read(buffer);
@@ -174,7 +173,7 @@ impl IdExpansion {
     fn splats(
         &self,
         frame: &mut FrameRecorder<'_>,
-        (tree, scene): (&DeviceTree, &DeviceScene),
+        on: SceneTree<'_>,
         ((ids, packed, capacity), out, kind): (
             (&UploadBuffer, PackedSplats, usize),
             &DeviceBuffer,
@@ -192,7 +191,7 @@ impl IdExpansion {
         if parts.is_empty() {
             return Ok(());
         }
-        let in_tree = tree.buffers_of_splats(page_of(scene)?);
+        let in_tree = on.tree.buffers_of_splats(page_of(on.scene)?);
         let mut pass = frame.pass("lists.splats").storage_read(ids);
         for buffer in in_tree {
             pass = pass.storage_read(buffer);
@@ -291,6 +290,7 @@ mod tests {
     use crate::progress::SilentProgress;
     use crate::render::Settings;
     use crate::render::cut_key::cut_settings;
+    use crate::render::vulkan::scene::DeviceScene;
     use crate::tree::{self, BuildOptions, Model};
 
     fn model_of(shape: GeneratedShape, triangles: u64, is_cloud: bool) -> Model {
@@ -330,7 +330,12 @@ mod tests {
         let list = (&list, packed, named.len());
         let constants = bytemuck::Zeroable::zeroed();
         by_id
-            .splats(&mut frame, (&tree, scene), (list, &out, kind), constants)
+            .splats(
+                &mut frame,
+                SceneTree { tree: &tree, scene },
+                (list, &out, kind),
+                constants,
+            )
             .unwrap();
         frame.read_back_buffer("read", &out, &read);
         let ticket = frame.submit().unwrap();

@@ -7,7 +7,7 @@ use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
-use crate::render::vulkan::raster_pass::ListArguments;
+use crate::render::vulkan::raster_pass::{ListArguments, RecordRange};
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::targets::Context;
 
@@ -64,7 +64,10 @@ impl<'a> TriangleRanges<'a> {
     ) -> Result<Vec<(BoundRange<'a>, BufferSlice<'a>)>, Error> {
         let mut triangles = Vec::new();
         for run in self.runs {
-            let range = (run.first / 3, run.count / 3);
+            let range = RecordRange {
+                first: run.first / 3,
+                count: run.count / 3,
+            };
             let own = bound(frame, context, max_binding, (self.corners, 12), range)?;
             let vertices = BufferSlice::whole(self.scene.vertices_of(run.page));
             triangles.extend(own.into_iter().map(|bound| (bound, vertices)));
@@ -112,7 +115,10 @@ impl<'a> ComputeList<'a> {
     ) -> Result<BoundItems<'a>, Error> {
         let others = self.splat_count - self.sample_count;
         let records: (&dyn AnyBuffer, u64) = (self.splats, size_of::<Splat>() as u64);
-        let mut of = |range| bound(frame, context, max_binding, records, range);
+        let mut of = |(first, count)| {
+            let range = RecordRange { first, count };
+            bound(frame, context, max_binding, records, range)
+        };
         let (own, samples) = (of((0, others))?, of((others, self.sample_count))?);
         let all = of((0, self.splat_count))?;
         let own = own.into_iter().map(|bound| (self.variant, bound));
@@ -143,9 +149,9 @@ pub(crate) fn bound<'a>(
     context: &Context,
     max_binding: u64,
     (buffer, record): (&'a dyn AnyBuffer, u64),
-    (first, count): (u32, u32),
+    range: RecordRange,
 ) -> Result<Vec<BoundRange<'a>>, Error> {
-    parts(first, count, record, max_binding)
+    parts(range.first, range.count, record, max_binding)
         .map(|part| {
             let uniform = frame.uniform(&ListConstants {
                 first: part.first,

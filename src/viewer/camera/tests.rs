@@ -150,7 +150,7 @@ fn a_camera_that_was_copied_comes_back() {
         CENTER + 9.0 * DVec3::X,
         DVec3::Y,
         1.0,
-        (0.1, 9.0),
+        [0.1, 9.0],
     );
     o.look_as(&away);
     assert!(o.eye().distance(CENTER + 5.0 * DVec3::X) < 1e-9 && o.pivot_distance() > 0.0);

@@ -166,7 +166,7 @@ impl FrameBudget {
         ms: f64,
         (work, px): (&FrameWork, f32),
         rates: WorkRates,
-        (mut low, mut high): (f32, f32),
+        [mut low, mut high]: [f32; 2],
     ) -> f32 {
         let numbers = WorkNumbers::of(work);
         let is_too_much = |at: f32| self.foreseen(rates, numbers, (px, at)) > ms;
@@ -200,16 +200,16 @@ impl FrameBudget {
         ms: f64,
         (work, px): (&FrameWork, f32),
         by_compute: bool,
-        ends: (f32, f32),
+        ends: [f32; 2],
     ) -> Option<(f32, bool)> {
         let of = |by_compute: bool| {
             let rates = self.model.rates(px, work, by_compute)?;
-            let (mut low, mut high) = ends;
+            let [mut low, mut high] = ends;
             if by_compute && self.has_choice {
                 high = high.min(work.largest_by_compute_px);
                 low = low.min(high);
             }
-            let next = self.threshold_for(ms, (work, px), rates, (low, high));
+            let next = self.threshold_for(ms, (work, px), rates, [low, high]);
             let misses = self.foreseen(rates, WorkNumbers::of(work), (px, next)) / ms - 1.0;
             Some((next, misses))
         };
@@ -316,10 +316,10 @@ impl FrameBudget {
         let rates = self.model.rates(px, work, way)?;
         let ms = self.drift * rates.ms(&WorkNumbers::of(work), px);
         let share = (ms / self.target_ms).max(1e-6);
-        let ends = (
+        let ends = [
             (px / LARGEST_STEP).max(self.finest_px),
             (px * LARGEST_STEP).min(self.coarsest()),
-        );
+        ];
         let wanted = self.target_ms / self.drift;
         let next = self.next(wanted, (work, px), way, ends)?;
         tracing::trace!(px, way, share, ?next, rates.is_known, "counted");

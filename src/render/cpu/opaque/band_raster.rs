@@ -126,7 +126,7 @@ impl DrawnBand<'_> {
         for (((&first, &end), &depth), &shown) in own.zip(pixels.shown) {
             let ([left, top], [right, bottom]) = (both(first), both(end));
             if right > left + STEP {
-                let corners = ([left, top], [right, bottom]);
+                let corners = [[left, top], [right, bottom]];
                 self.wide(simd, corners, None, (depth, shown));
                 continue;
             }
@@ -150,7 +150,7 @@ impl DrawnBand<'_> {
     fn wide<S: Simd>(
         &mut self,
         simd: S,
-        ([left, top], [right, bottom]): ([usize; 2], [usize; 2]),
+        [[left, top], [right, bottom]]: [[usize; 2]; 2],
         round: Option<&RoundPixels>,
         (depth, shown): (f32, i32),
     ) {
@@ -185,7 +185,7 @@ impl DrawnBand<'_> {
         for ((((&first, &end), &depth), round), &shown) in own.zip(rounds).zip(pixels.shown) {
             let ([left, top], [right, bottom]) = (both(first), both(end));
             if right > left + STEP {
-                let corners = ([left, top], [right, bottom]);
+                let corners = [[left, top], [right, bottom]];
                 self.wide(simd, corners, Some(round), (depth, shown));
                 continue;
             }

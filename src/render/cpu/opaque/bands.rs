@@ -43,8 +43,22 @@ pub(super) struct PlacedSplats<'a> {
     pub(super) are_samples: bool,
 }
 
-/// Parts of what is drawn, each with its number of splats, all of one look; and the squares of a pixel that come after them.
-pub(super) type List<'a> = (Vec<(ListedSplats<'a>, usize)>, SplatShape, &'a [Splat]);
+/// Splats of a picture.
+pub(super) struct OpaqueSplatList<'a> {
+    /// Parts of them, each with its number of splats.
+    pub(super) parts: Vec<(ListedSplats<'a>, usize)>,
+    /// Look of all of these.
+    pub(super) look: SplatShape,
+    /// Squares of a pixel that come after them.
+    pub(super) samples: &'a [Splat],
+}
+
+/// Splats of one look.
+struct AlikeSplats<'a> {
+    parts: Vec<(ListedSplats<'a>, usize)>,
+    look: SplatShape,
+    is_one_pixel: bool,
+}
 
 /// What is known before anything is drawn.
 #[derive(Clone, Copy)]
@@ -61,11 +75,17 @@ pub(super) enum KnownSplats {
 /// Draws splats, by vectors of a level.
 pub(super) fn draw_by(
     level: Level,
-    (own, look, sampled): List<'_>,
-    (screen, light): Frame<'_>,
+    drawn: OpaqueSplatList<'_>,
+    frame: Frame<'_>,
     known: KnownSplats,
     (places, picture): (&mut SplatPlaces, ShownRectangle<'_>),
 ) {
+    let OpaqueSplatList {
+        parts: own,
+        look,
+        samples: sampled,
+    } = drawn;
+    let (screen, light) = frame;
     let own_count: usize = own.iter().map(|part| part.1).sum();
     let count = own_count + sampled.len();
     let sampled = sampled.chunks(parallel::PART);
@@ -115,13 +135,21 @@ pub(super) fn draw_by(
     place_all(
         level,
         (screen, light),
-        (own, look, is_one_pixel),
+        AlikeSplats {
+            parts: own,
+            look,
+            is_one_pixel,
+        },
         (&mut own_pixels, (own_rounds, own_ovals), own_group),
     );
     place_all(
         level,
         (screen, light),
-        (sampled, of_samples, true),
+        AlikeSplats {
+            parts: sampled,
+            look: of_samples,
+            is_one_pixel: true,
+        },
         (&mut sampled_pixels, (&mut [], &mut []), sampled_group),
     );
     let lists = [
@@ -201,13 +229,19 @@ fn first_of<'a, T>(count: usize, list: &mut &'a mut [T]) -> (&'a mut [T], &'a mu
 fn place_all(
     level: Level,
     frame: Frame<'_>,
-    (parts, look, is_one_pixel): (Vec<(ListedSplats<'_>, usize)>, SplatShape, bool),
+    splats: AlikeSplats<'_>,
     (pixels, (mut rounds, mut ovals), mut groups): (
         &mut PixelSearch<'_>,
         Outlines<'_>,
         &mut [NearSplats],
     ),
 ) {
+    let (screen, light) = frame;
+    let AlikeSplats {
+        parts,
+        look,
+        is_one_pixel,
+    } = splats;
     let mut rest = pixels.again();
     let mut count = 0;
     let jobs: Vec<_> = parts
@@ -223,6 +257,13 @@ fn place_all(
         })
         .collect();
     parallel::share(count, jobs.into_iter(), |(source, first, out)| {
-        splat_bounds::part(level, frame, (source, look, is_one_pixel), first, out);
+        splat_bounds::part(
+            level,
+            screen,
+            light,
+            (source, look, is_one_pixel),
+            first,
+            out,
+        );
     });
 }

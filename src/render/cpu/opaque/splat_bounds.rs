@@ -83,7 +83,8 @@ const NOWHERE: Vec3 = Vec3::NAN;
 /// like is found as well, unless they are those of nodes alone.
 pub(super) fn part(
     level: Level,
-    (screen, light): (&SplatScreen, &FrameHeadlight),
+    screen: &SplatScreen,
+    light: &FrameHeadlight,
     (source, look, is_one_pixel): (ListedSplats<'_>, SplatShape, bool),
     first: u32,
     places: Places<'_>,
@@ -265,8 +266,8 @@ impl SplatPlacer<'_> {
                 self.surfaces.shade(simd, light, centers, at, colors);
             }
             if look.footprint == Footprint::Oriented {
-                let patches = self.surfaces.patches(simd, at);
-                find_ovals(simd, screen, patches, (&self.block, answers), at);
+                let (normal, thickness) = self.surfaces.patches(simd, at);
+                find_ovals(simd, screen, normal, thickness, (&self.block, answers), at);
             } else if self.is_one_pixel {
                 find::<S, true>(simd, screen, *look, (&self.block, answers), at);
             } else {
@@ -470,7 +471,8 @@ fn find<S: Simd, const ONE: bool>(
 fn find_ovals<S: Simd>(
     simd: S,
     screen: &SplatScreen,
-    (normal, thickness): ([Numbers<S>; 3], Numbers<S>),
+    normal: [Numbers<S>; 3],
+    thickness: Numbers<S>,
     (block, found): (&NumberBlock, &mut BlockAnswers),
     at: usize,
 ) {

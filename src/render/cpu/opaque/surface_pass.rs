@@ -5,7 +5,9 @@ use crate::abi::Splat;
 use crate::pack::parallel;
 use crate::render::cpu::float_planes::word_of;
 use crate::render::cpu::frame_shading::{FrameShading, ShadedPoint};
-use crate::render::cpu::opaque::bands::{BAND_PX, KnownSplats, SPLAT_BIT, draw_by};
+use crate::render::cpu::opaque::bands::{
+    BAND_PX, KnownSplats, OpaqueSplatList, SPLAT_BIT, draw_by,
+};
 use crate::render::cpu::opaque::triangles::draw_numbers;
 use crate::render::cpu::opaque::{
     Frame, ListedSplats, ShownRectangle, SplatPlaces, SplatScreen, SplatShape,
@@ -55,7 +57,11 @@ pub(crate) fn draw_surfaces(
     }
     let parts = list.splats.chunks(parallel::PART);
     let parts = parts.map(|part| (ListedSplats::Places(part), part.len()));
-    let splats = (parts.collect(), list.look, list.samples);
+    let splats = OpaqueSplatList {
+        parts: parts.collect(),
+        look: list.look,
+        samples: list.samples,
+    };
     let target = (places, picture.again());
     draw_by(Level::new(), splats, frame, KnownSplats::Numbers, target);
     shade(&list, screen, picture, planes);

@@ -225,7 +225,11 @@ fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
                     let parts = parts
                         .map(|part| (ListedSplats::List(part), part.len()))
                         .collect();
-                    let list = (parts, look, own.1);
+                    let list = OpaqueSplatList {
+                        parts,
+                        look,
+                        samples: own.1,
+                    };
                     let (frame, out) = ((&screen, &light), (&mut places, planes.picture()));
                     draw_by(level, list, frame, KnownSplats::Places, out);
                     let keys = planes.keys();
@@ -316,7 +320,7 @@ fn a_cut_is_drawn_as_its_list() {
         let undrawn = ZeroAreaSet::new(&model);
         let eye = DVec3::new(0.0, -0.1, 3.0);
         let size = (SIZE[0], SIZE[1]);
-        let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.7, (0.5, 100.0));
+        let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.7, [0.5, 100.0]);
         let view = camera.view(model.origin).unwrap();
         let settings = CutSettings {
             threshold_px,
@@ -368,7 +372,11 @@ fn a_cut_is_drawn_as_its_list() {
                 has_one_size: true,
             };
             let frame = (&screen, &light);
-            let found = (parts, look, own.1);
+            let found = OpaqueSplatList {
+                parts,
+                look,
+                samples: own.1,
+            };
             draw_by(
                 Level::new(),
                 found,
@@ -480,7 +488,11 @@ fn ovals_cover_what_rays_meet() {
             let out = (&mut places, planes.picture());
             draw_by(
                 level,
-                (parts, look, &[]),
+                OpaqueSplatList {
+                    parts,
+                    look,
+                    samples: &[],
+                },
                 (&screen, &light),
                 KnownSplats::Colors,
                 out,

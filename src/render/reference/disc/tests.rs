@@ -12,7 +12,7 @@ fn perspective(size: u32) -> View {
         DVec3::NEG_Z,
         DVec3::Y,
         60f64.to_radians(),
-        (0.1, 100.0),
+        [0.1, 100.0],
     )
     .view(DVec3::ZERO)
     .unwrap()

@@ -62,7 +62,7 @@ fn flat() -> View {
 
 /// Perspective from the origin along -z, y up.
 fn perspective() -> View {
-    Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0))
+    Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, [1.0, 100.0])
         .view(DVec3::ZERO)
         .unwrap()
 }
@@ -303,7 +303,7 @@ fn a_perspective_pushes_along_the_ray_by_model_units() {
     // A model of twice the size of its view space.
     let camera = Camera {
         view: DMat4::from_scale(DVec3::splat(2.0)),
-        ..Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0))
+        ..Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, [1.0, 100.0])
     };
     let scaled = camera.view(DVec3::ZERO).unwrap();
     assert_eq!(scaled.model_scale, 2.0);

@@ -22,6 +22,7 @@ use crate::gpu::pipeline::{
 use crate::gpu::{Error, Gpu};
 use crate::render::screen_bounds;
 use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::RecordRange;
 use crate::render::vulkan::raster_pass::ScreenDraw;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::storage_ranges::{BoundRange, TriangleRanges};
@@ -200,10 +201,11 @@ impl ComputeBlending {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         kind: &'static BlendedKind,
-        (width, height): (u32, u32),
+        size: [u32; 2],
         (is_gray, has_lamp, color): (bool, bool, ImageFormat),
         constants: OwnConstants<'_>,
     ) -> Result<Self, Error> {
+        let [width, height] = size;
         let gray = IS_GRAY.is(is_gray);
         let of_normalize = |has_large| {
             let of_all = [gray, HAS_LARGE.is(has_large)];
@@ -288,7 +290,10 @@ impl ComputeBlending {
         constants: UniformBlock,
     ) -> Result<(), Error> {
         let records = (list.splats as _, self.kind.record);
-        let range = (0, list.splat_count);
+        let range = RecordRange {
+            first: 0,
+            count: list.splat_count,
+        };
         let ready = BoundLists {
             list,
             splats: storage_ranges::bound(frame, context, self.max_binding, records, range)?,

@@ -142,7 +142,7 @@ impl FilteredPasses {
                 twin: ComputeBlending::new(
                     gpu,
                     &compute::FILTERED,
-                    (width, height),
+                    [width, height],
                     (is_gray, variant.has_lamp, variant.color),
                     OwnConstants::default(),
                 )?,

@@ -252,7 +252,7 @@ fn twin(
         normalize: &[coverage],
         flags: variant.are_polygons.then_some(variant.flags),
     };
-    ComputeBlending::new(gpu, kind, size, look, constants)
+    ComputeBlending::new(gpu, kind, size.into(), look, constants)
 }
 
 impl FuzzyPasses {

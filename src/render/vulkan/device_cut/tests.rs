@@ -74,7 +74,8 @@ fn chosen<R: bytemuck::Pod + PartialEq + std::fmt::Debug>(
     let mut frames = FrameRing::new(gpu, 1, false).unwrap();
     let tree = DeviceTree::new(gpu, model, scene).unwrap();
     let expansion = IdExpansion::new(gpu, true).unwrap();
-    let mut cut = DeviceCut::new(gpu, &tree, (model, scene), (kind, 1)).unwrap();
+    let on = SceneTree { tree: &tree, scene };
+    let mut cut = DeviceCut::new(gpu, on, model, (kind, 1)).unwrap();
     let mut splats = ReadbackBuffer::new(gpu, "splats", cut.records.bytes()).unwrap();
     let mut corners = ReadbackBuffer::new(gpu, "corners", cut.indices.bytes()).unwrap();
     let tester = cut::NodeTester::new(model, view, &cut_settings(settings, model));
@@ -82,12 +83,12 @@ fn chosen<R: bytemuck::Pod + PartialEq + std::fmt::Debug>(
     for _ in 0..2 {
         let mut frame = frames.begin().unwrap();
         let constants = frame.uniform(&cut.constants(&tester, view, rules)).unwrap();
-        cut.choose(&mut frame, (&tree, scene), constants);
+        cut.choose(&mut frame, on, constants);
         let facts = (&DrawnFacts::from(model), view);
         let context = FrameContext::new(facts.0, facts.1, settings, 1.0, 0);
         let ids = (cut.chosen_ids(), kind);
         expansion
-            .record_chosen(&mut frame, (&tree, scene), ids, &context)
+            .record_chosen(&mut frame, on, ids, &context)
             .unwrap();
         frame.read_back_buffer("splats", &cut.records, &splats);
         frame.read_back_buffer("corners", &cut.indices, &corners);

@@ -13,7 +13,7 @@ use crate::render::vulkan::storage_ranges::{ComputeList, ListGroups};
 use crate::abi::shaders;
 use crate::abi::specialization::{ARE_DISCS, HAS_LAMP, LOOKS_FIRST, SIDE_PX};
 use crate::gpu::bind::BufferSlice;
-use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
+use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::{
     DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
@@ -254,12 +254,11 @@ impl ComputeRasterizer {
                 }
             });
         }
-        let keys = (&self.keys as _, keys);
         self.resolve(
             frame,
             targets,
             &list,
-            (&items, keys),
+            &items,
             (context, is_first),
             constants,
         );
@@ -272,10 +271,11 @@ impl ComputeRasterizer {
         frame: &mut FrameRecorder<'_>,
         targets: &FrameTargets,
         list: &ComputeList<'_>,
-        (items, (buffer, keys)): (&BoundItems<'_>, (&dyn AnyBuffer, BufferSlice<'_>)),
+        items: &BoundItems<'_>,
         (context, is_first): (&Context, bool),
         constants: UniformBlock,
     ) {
+        let keys = BufferSlice::whole(&self.keys);
         let Some(resolve) = self.resolve.last() else {
             unreachable!("ensure_light made the pipelines")
         };
@@ -283,7 +283,7 @@ impl ComputeRasterizer {
             .attach_after(frame.pass("compute.resolve"), context, is_first)
             .fragment_storage(list.splats)
             .fragment_storage(list.corners)
-            .fragment_storage(buffer);
+            .fragment_storage(&self.keys);
         for vertices in list.scene.vertex_buffers() {
             pass = pass.fragment_storage(vertices);
         }

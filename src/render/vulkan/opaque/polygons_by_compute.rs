@@ -18,6 +18,7 @@ use crate::render::screen_bounds;
 use crate::render::technique::Technique;
 use crate::render::vulkan::opaque::polygon_variant::{PolygonKind, PolygonVariant};
 use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::RecordRange;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
@@ -92,7 +93,10 @@ impl PolygonCompute {
             return Ok(());
         }
         let records = (polygons, size_of::<OrientedPolygon>() as u64);
-        let range = (0, count as u32);
+        let range = RecordRange {
+            first: 0,
+            count: count as u32,
+        };
         let parts = storage_ranges::bound(frame, context, self.max_binding, records, range)?;
         let keys = BufferSlice::whole(&self.keys);
         let bytes = 8 * screen_bounds::pixels(context.rect_px);

@@ -20,6 +20,7 @@ use crate::render::vulkan::blended::filtered::FilteredPasses;
 use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::blended::{filtered, fuzzy};
 use crate::render::vulkan::device_cut::DeviceCut;
+use crate::render::vulkan::device_tree::SceneTree;
 use crate::render::vulkan::draw_lists::{DrawLists, PackInput, PackedFrame};
 use crate::render::vulkan::expand_ids::ExpandedKind;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
@@ -190,16 +191,16 @@ impl VulkanRenderer {
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&plan.constants)?;
         if let (Some(by_id), Some(tree)) = (&self.by_id, &self.device_tree) {
-            let (tree, kind) = ((tree, scene), ExpandedKind::of(plan));
+            let (on, kind) = (SceneTree { tree, scene }, ExpandedKind::of(plan));
             match (lists, place) {
                 (CutLists::Packed(lists, ..), _) => {
-                    by_id.record(&mut frame, tree, (lists, kind), &plan.context)?;
+                    by_id.record(&mut frame, on, (lists, kind), &plan.context)?;
                 }
                 (CutLists::Chosen(cut, _), ListPlace::Device(Some(tests))) => {
                     let tests = frame.uniform(tests)?;
-                    cut.choose(&mut frame, tree, tests);
+                    cut.choose(&mut frame, on, tests);
                     let chosen = (cut.chosen_ids(), kind);
-                    by_id.record_chosen(&mut frame, tree, chosen, &plan.context)?;
+                    by_id.record_chosen(&mut frame, on, chosen, &plan.context)?;
                 }
                 (CutLists::Chosen(cut, _), _) => cut.count(&mut frame),
             }

@@ -10,7 +10,7 @@ use crate::render::vulkan::blended::filtered::FilteredPasses;
 use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::device_cut::DeviceCut;
-use crate::render::vulkan::device_tree::DeviceTree;
+use crate::render::vulkan::device_tree::{DeviceTree, SceneTree};
 use crate::render::vulkan::expand_ids::{ExpandedKind, IdExpansion};
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
@@ -269,7 +269,7 @@ impl VulkanRenderer {
         let slots = self.frames.in_flight();
         let gpu = self.gpu.clone();
         let tree = self.tree_on_device(model, scene)?;
-        let cut = DeviceCut::new(&gpu, tree, (model, scene), (kind, slots))?;
+        let cut = DeviceCut::new(&gpu, SceneTree { tree, scene }, model, (kind, slots))?;
         self.device_cut = Some(cut);
         Ok(())
     }

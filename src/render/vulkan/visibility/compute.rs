@@ -20,7 +20,7 @@ use crate::render::screen_bounds;
 use crate::render::technique::Technique;
 use crate::render::vulkan::NORMAL;
 use crate::render::vulkan::raster_pass;
-use crate::render::vulkan::raster_pass::{ChosenSplats, ListArguments};
+use crate::render::vulkan::raster_pass::{ChosenSplats, ListArguments, RecordRange};
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::visibility::targets::{FRONTS, PICKED};
@@ -58,6 +58,14 @@ const _: () = {
     let (bytes, sharers) = VisibleKind::Polygons.record();
     assert!(u32::MAX as u64 / sharers as u64 > (1 << 32) / bytes);
 };
+
+/// Targets of the first two passes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct VisibilityTargets<'a> {
+    pub(super) targets: &'a FrameTargets,
+    pub(super) picked: &'a Target,
+    pub(super) fronts: &'a Target,
+}
 
 /// Records of a list that compute draws.
 #[derive(Debug, Clone, Copy)]
@@ -109,7 +117,7 @@ impl ComputeVisibility {
         gpu: &Arc<Gpu>,
         kind: VisibleKind,
         (normals, flags): (bool, u32),
-        size: (u32, u32),
+        size: [u32; 2],
     ) -> Result<Self, Error> {
         let (leaves, shades) = match kind {
             VisibleKind::Splats => (
@@ -123,7 +131,7 @@ impl ComputeVisibility {
         };
         let looks_first = !gpu.info().is_cpu();
         let formats = [PICKED, FRONTS, NORMAL];
-        let bytes = storage_bytes(Technique::Visibility, size.into());
+        let bytes = storage_bytes(Technique::Visibility, size);
         let storage = |name| DeviceBuffer::new(gpu, name, BufferUsage::Storage, bytes);
         Ok(Self {
             kind,
@@ -163,12 +171,17 @@ impl ComputeVisibility {
     pub(super) fn record(
         &self,
         frame: &mut FrameRecorder<'_>,
-        (targets, [picked, fronts]): (&FrameTargets, [&Target; 2]),
+        onto: VisibilityTargets<'_>,
         drawn: VisibleList<'_>,
         (areas, is_first): (&[[u32; 4]], bool),
         context: &Context,
         constants: UniformBlock,
     ) -> Result<(), Error> {
+        let VisibilityTargets {
+            targets,
+            picked,
+            fronts,
+        } = onto;
         let VisibleList {
             records,
             count,
@@ -176,7 +189,8 @@ impl ComputeVisibility {
         } = drawn;
         let (bytes, sharers) = self.kind.record();
         let list = (records, bytes);
-        let parts = storage_ranges::bound(frame, context, self.max_binding, list, (0, count))?;
+        let range = RecordRange { first: 0, count };
+        let parts = storage_ranges::bound(frame, context, self.max_binding, list, range)?;
         assert!(
             groups.is_none() || (parts.len() <= 1 && sharers == 1),
             "chosen lists are bound whole"

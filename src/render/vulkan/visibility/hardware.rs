@@ -22,7 +22,9 @@ use crate::render::vulkan::opaque::hardware::SplatSource;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, RasterSplats, ScreenDraw};
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::visibility::compute::{ComputeVisibility, VisibleKind, VisibleList};
+use crate::render::vulkan::visibility::compute::{
+    ComputeVisibility, VisibilityTargets, VisibleKind, VisibleList,
+};
 use crate::render::vulkan::visibility::pull_push::ColorPyramid;
 use crate::render::vulkan::visibility::targets::{FRONTS, PICKED, attach_last, last_pass};
 use crate::render::vulkan::{NORMAL, POLYGON, SPLAT, VERTEX};
@@ -74,7 +76,8 @@ fn first_pass(
     gpu: &Arc<Gpu>,
     (normals, flags): (bool, u32),
     is_center: bool,
-    (vertex, record): (&CompiledShader, VertexRecord),
+    vertex: &CompiledShader,
+    record: VertexRecord,
     topology: PrimitiveTopology,
 ) -> Result<ShaderPipeline, Error> {
     let formats = [PICKED, FRONTS, NORMAL];
@@ -119,14 +122,14 @@ fn first_pass(
 
 impl SplatPipelines {
     fn new(gpu: &Arc<Gpu>, how: (bool, u32), source: SplatSource) -> Result<Self, Error> {
-        let from = match source {
+        let (vertex, record) = match source {
             SplatSource::List => (&shaders::VISIBILITY_SPLATS_VERT, SPLAT),
             SplatSource::Vertices => (&shaders::VISIBILITY_POINTS_VERT, VERTEX),
         };
         Ok(Self {
-            points: first_pass(gpu, how, false, from, PrimitiveTopology::Points)?,
-            quads: first_pass(gpu, how, false, from, PrimitiveTopology::Quads)?,
-            centers: first_pass(gpu, how, true, from, PrimitiveTopology::Points)?,
+            points: first_pass(gpu, how, false, vertex, record, PrimitiveTopology::Points)?,
+            quads: first_pass(gpu, how, false, vertex, record, PrimitiveTopology::Quads)?,
+            centers: first_pass(gpu, how, true, vertex, record, PrimitiveTopology::Points)?,
         })
     }
 }
@@ -166,7 +169,7 @@ impl VisibilityPasses {
         if self.polygons.is_none() {
             let make = |is_center, vertex, topology| {
                 let how = (self.normals, flags);
-                first_pass(&self.gpu, how, is_center, (vertex, POLYGON), topology)
+                first_pass(&self.gpu, how, is_center, vertex, POLYGON, topology)
             };
             self.polygons = Some([
                 make(
@@ -198,12 +201,12 @@ impl VisibilityPasses {
         let how = (self.normals, flags);
         if self.triangles.as_ref().is_none_or(|made| made.0 != flags) {
             let make = |is_center| {
-                let from = (&shaders::VISIBILITY_TRIANGLES_VERT, VERTEX);
                 first_pass(
                     &self.gpu,
                     how,
                     is_center,
-                    from,
+                    &shaders::VISIBILITY_TRIANGLES_VERT,
+                    VERTEX,
                     PrimitiveTopology::Triangles,
                 )
             };
@@ -214,7 +217,7 @@ impl VisibilityPasses {
         if let Some(kind) = by_compute
             && self.twin.as_ref().is_none_or(|twin| twin.kind != kind)
         {
-            let size = (self.picked.width, self.picked.height);
+            let size = [self.picked.width, self.picked.height];
             self.twin = Some(ComputeVisibility::new(&self.gpu, kind, how, size)?);
         }
         let pipelines = match source {
@@ -329,7 +332,11 @@ impl VisibilityPasses {
         if !is_first {
             self.record_splats(frame, targets, &rest, context, constants);
         }
-        let onto = (targets, [&self.picked, &self.fronts]);
+        let onto = VisibilityTargets {
+            targets,
+            picked: &self.picked,
+            fronts: &self.fronts,
+        };
         twin.record(frame, onto, small, (areas, is_first), context, constants)
     }
 

@@ -191,7 +191,7 @@ fn a_mirrored_view_gives_the_mirrored_picture() {
     };
     for is_perspective in [false, true] {
         let mut camera = if is_perspective {
-            Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0))
+            Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, [1.0, 100.0])
         } else {
             flat_camera()
         };

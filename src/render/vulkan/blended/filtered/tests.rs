@@ -35,7 +35,7 @@ use std::sync::Arc;
 const SIZE: (u32, u32) = (64, 48);
 
 fn view() -> View {
-    Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0))
+    Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, [1.0, 100.0])
         .view(DVec3::ZERO)
         .unwrap()
 }
@@ -284,7 +284,7 @@ fn crowds_are_the_same_by_rasterizer_compute_and_mirror() {
 fn the_processor_draws_the_picture_of_the_shaders() {
     let Some(gpu) = device() else { return };
     let (width, height) = SIZE;
-    let mut camera = Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0));
+    let mut camera = Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, [1.0, 100.0]);
     let perspective = camera.view(DVec3::ZERO).unwrap();
     camera.proj = glam::DMat4::from_cols(
         glam::DVec4::X * 0.09,
