@@ -169,7 +169,7 @@ pub struct SceneView {
 }
 
 /// The axis that is up in a model, and why that is thought.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UpGuess {
     /// The axis.
     pub axis: UpAxis,

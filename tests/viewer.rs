@@ -18,6 +18,8 @@ mod light;
 mod measure;
 #[path = "viewer/panel.rs"]
 mod panel;
+#[path = "viewer/photographs.rs"]
+mod photographs;
 #[path = "viewer/rest.rs"]
 mod rest;
 #[path = "viewer/section.rs"]

@@ -177,27 +177,12 @@ void main() {
     int blended = SHOWS_SOURCE ? 0 : min(count, most);
     // What the first that is left out weighs is taken off all, so that none comes or goes at a step.
     float left_out = max(count > most ? best[most] : 0.0, LEAST_SHARE * best[0]) * (1.0 - LEAST_LEFT);
-    vec3 mixed_colors[MOST_BLENDED];
-    float parts[MOST_BLENDED];
-    vec3 leading = vec3(0.0);
-    float leading_weights = 0.0;
-    for (int i = 0; i < blended; ++i) {
-        mixed_colors[i] = photo_color(photos[i], spots[i].xy, spots[i].z) * camera_of(photos[i], 5u).xyz;
-        parts[i] = max((best[i] - left_out) / (best[0] - left_out), 0.0);
-        float leads = parts[i] * parts[i];
-        leads *= leads;
-        leads *= leads;
-        leading += mixed_colors[i] * leads;
-        leading_weights += leads;
-    }
-    leading /= max(leading_weights, 1e-20);
     vec3 sum = vec3(0.0);
     float all_weights = 0.0;
     for (int i = 0; i < blended; ++i) {
-        float agrees = 1.0 - smooth_step(look.limits.y, 2.0 * look.limits.y, largest_of(abs(mixed_colors[i] - leading)));
-        float weight = parts[i] * mix(parts[i], 1.0, agrees);
-        sum += mixed_colors[i] * weight;
-        all_weights += weight;
+        float part = max((best[i] - left_out) / (best[0] - left_out), 0.0);
+        sum += photo_color(photos[i], spots[i].xy, spots[i].z) * camera_of(photos[i], 5u).xyz * part;
+        all_weights += part;
     }
     vec3 found = SHOWS_SOURCE ? camera_of(photos[0], 10u).xyz : clamp(sum / max(all_weights, 1e-20), 0.0, 1.0);
     // The background shows through what a pixel is not covered by.

@@ -110,6 +110,7 @@ impl LineEnds {
             UpAxis::X => DVec3::new(0.0, a, b),
             UpAxis::Y => DVec3::new(a, 0.0, b),
             UpAxis::Z => DVec3::new(a, b, 0.0),
+            UpAxis::Along(_) => up.to_world(DVec3::new(a, 0.0, b)),
         };
         match self {
             Self::Map([a, b, c, d]) => [place(a, b), place(c, d)],

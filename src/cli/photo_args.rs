@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use surfel::OpenedModel;
 use surfel::math::camera::{Camera, View};
+use surfel::open::UpGuess;
 use surfel::photos::formats::read_scene;
 use surfel::photos::look::LookSettings;
 use surfel::photos::scene::PhotoScene;
@@ -72,6 +73,13 @@ impl PhotoArgs {
         }
         Ok(Some(scene))
     }
+}
+
+/// Guess of what is up: that of the photographs, where there are any and they have it in common, else the model's.
+pub(crate) fn up_guess(scene: Option<&PhotoScene>, of_model: UpGuess) -> UpGuess {
+    let reason = "the photographs have it so";
+    let up = scene.and_then(PhotoScene::up);
+    up.map_or(of_model, |axis| UpGuess { axis, reason })
 }
 
 /// The camera of a photograph, by its name or number, with near and far planes around a model.

@@ -7,7 +7,7 @@ use super::cameras::{
 use super::costs::costs_of;
 use super::look::LookArgs;
 use super::mark_args::MarkArgs;
-use super::photo_args::{PhotoArgs, StagedScene, camera_of};
+use super::photo_args::{PhotoArgs, StagedScene, camera_of, up_guess};
 use super::placement_args::PlacementArgs;
 use super::progress::{JobBar, is_interrupted};
 use super::rendered_picture::{RenderedPicture, numbered};
@@ -26,8 +26,7 @@ use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::engine::{Backend, Engine, smooth_threshold};
 use surfel::render::paged_model::{PagedModel, PagedModelOptions};
-use surfel::render::stats::FrameTimes;
-use surfel::render::stats::OverdrawSummary;
+use surfel::render::stats::{FrameTimes, OverdrawSummary};
 use surfel::render::vulkan::overdraw;
 #[cfg(feature = "viewer")]
 use surfel::render::window_renderer::WindowBackend;
@@ -484,7 +483,8 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
     let cameras = match camera {
         Some(camera) => vec![resized(camera, args.size)?],
         None => {
-            let up = args.up.of(ready.up, &ready.name, quiet);
+            let guess = up_guess(of_photos.as_ref(), ready.up);
+            let up = args.up.of(guess, &ready.name, quiet);
             orbit_cameras_about(up, sphere, args.size, args.orbit, args.frames)
         }
     };

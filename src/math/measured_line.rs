@@ -122,7 +122,7 @@ pub struct MeasureList {
 /// The file: measures with their figures, which are not read.
 #[derive(Serialize)]
 struct WrittenList<'a> {
-    up: &'static str,
+    up: FileUp,
     measures: Vec<WrittenLine<'a>>,
 }
 
@@ -137,17 +137,64 @@ struct WrittenLine<'a> {
 #[derive(Deserialize)]
 struct ReadList {
     #[serde(default)]
-    up: ReadUp,
+    up: FileUp,
     measures: Vec<MeasuredLine>,
 }
 
-#[derive(Default, Deserialize)]
+/// Direction up as the file has it: the name of an axis, or a vector.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged, try_from = "serde_json::Value")]
+enum FileUp {
+    Axis(AxisName),
+    Vector([f64; 3]),
+}
+
+#[derive(Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum ReadUp {
+enum AxisName {
     X,
-    #[default]
     Y,
     Z,
+}
+
+impl Default for FileUp {
+    fn default() -> Self {
+        Self::Axis(AxisName::Y)
+    }
+}
+
+impl TryFrom<serde_json::Value> for FileUp {
+    type Error = serde_json::Error;
+
+    fn try_from(value: serde_json::Value) -> Result<Self, Self::Error> {
+        match value.is_array() {
+            true => serde_json::from_value(value).map(Self::Vector),
+            false => serde_json::from_value(value).map(Self::Axis),
+        }
+    }
+}
+
+impl From<UpAxis> for FileUp {
+    fn from(up: UpAxis) -> Self {
+        match up {
+            UpAxis::X => Self::Axis(AxisName::X),
+            UpAxis::Y => Self::Axis(AxisName::Y),
+            UpAxis::Z => Self::Axis(AxisName::Z),
+            UpAxis::Along(up) => Self::Vector(up.to_array()),
+        }
+    }
+}
+
+impl FileUp {
+    /// The axis; y of a vector without a direction.
+    fn axis(&self) -> UpAxis {
+        match self {
+            Self::Axis(AxisName::X) => UpAxis::X,
+            Self::Axis(AxisName::Y) => UpAxis::Y,
+            Self::Axis(AxisName::Z) => UpAxis::Z,
+            Self::Vector(up) => UpAxis::along(DVec3::from_array(*up)).unwrap_or_default(),
+        }
+    }
 }
 
 impl MeasureList {
@@ -158,7 +205,7 @@ impl MeasureList {
             figures: line.figures(self.up),
         });
         let list = WrittenList {
-            up: self.up.name(),
+            up: self.up.into(),
             measures: measures.collect(),
         };
         // Numbers and fixed keys: nothing that JSON cannot say.
@@ -198,11 +245,7 @@ impl MeasureList {
             }
         }
         Ok(Self {
-            up: match read.up {
-                ReadUp::X => UpAxis::X,
-                ReadUp::Y => UpAxis::Y,
-                ReadUp::Z => UpAxis::Z,
-            },
+            up: read.up.axis(),
             lines: read.measures,
         })
     }
@@ -263,6 +306,12 @@ mod tests {
         assert!(text.contains("\"horizontal_area\": 0.5"), "{text}");
         std::fs::write(&path, &text).unwrap();
         assert_eq!(MeasureList::read(&path).unwrap(), list);
+        let slanted = MeasureList {
+            up: UpAxis::Along(DVec3::new(0.6, 0.0, -0.8)),
+            ..list
+        };
+        std::fs::write(&path, slanted.to_json()).unwrap();
+        assert_eq!(MeasureList::read(&path).unwrap(), slanted);
         for (text, part) in [
             ("[]", "expected {\"up\""),
             (

@@ -4,9 +4,19 @@
 //! world is R (p - C) in camera space, and pixel (i, j) covers [i, i + 1) x [j, j + 1), so that its center is at one half.
 //! Photographs are as they are stored; what EXIF says about their orientation does not matter to a calibrated one.
 
+use crate::math::up_axis::UpAxis;
 pub use crate::projective::camera::CalibratedCamera;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use std::path::PathBuf;
+
+/// Weight of the mean up direction of cameras beside the sides of pictures that should be level.
+const UP_PRIOR: f64 = 1e-3;
+
+/// Cosine of the angle to an axis below which that is up.
+const NEAR_AXIS: f64 = 0.996;
+
+/// Length of the mean of unit vectors below which they have no direction in common.
+const LEAST_COMMON: f64 = 0.5;
 
 /// Format of a scene of photographs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -109,6 +119,11 @@ impl PhotoScene {
             })
     }
 
+    /// Direction that is up for the photographs.
+    pub fn up(&self) -> Option<UpAxis> {
+        common_up(self.photos.iter().map(|photo| photo.camera))
+    }
+
     /// Middle and spread of the sparse points, or of the cameras where there are no points: the median of each coordinate,
     /// and the median distance from that.
     pub fn extent(&self) -> (DVec3, f64) {
@@ -128,6 +143,28 @@ impl PhotoScene {
     }
 }
 
+/// The direction that is up for cameras, which people hold level but tilt: the one that the horizontals of all pictures are
+/// level to, and among those nearest the mean of what is up in pictures. An axis of the world where one is within five degrees.
+/// `None` where pictures have no up in common.
+pub fn common_up(cameras: impl Iterator<Item = CalibratedCamera>) -> Option<UpAxis> {
+    let (mut sides, mut ups, mut count) = (DMat3::ZERO, DVec3::ZERO, 0.0);
+    for camera in cameras {
+        let [right, up] = [DVec3::X, DVec3::NEG_Y].map(|own| camera.rotation.transpose() * own);
+        sides += DMat3::from_cols(right * right.x, right * right.y, right * right.z);
+        ups += up;
+        count += 1.0;
+    }
+    if ups.length() < LEAST_COMMON * count || count == 0.0 {
+        return None;
+    }
+    // Least squares: the sum of (up . right)^2 / n + p |up - mean|^2.
+    let system = sides * (1.0 / count) + UP_PRIOR * DMat3::IDENTITY;
+    let up = (system.inverse() * ups).try_normalize()?;
+    let axes = DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
+    let near = axes.into_iter().find(|axis| axis.dot(up) > NEAR_AXIS);
+    UpAxis::along(near.unwrap_or(up))
+}
+
 /// The last part of a name with either slash.
 pub(crate) fn file_name(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
@@ -141,9 +178,9 @@ pub(crate) fn stem(name: &str) -> &str {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
     use super::*;
     use crate::projective::lens::CameraLens;
-    use glam::DMat3;
 
     fn camera() -> CalibratedCamera {
         CalibratedCamera {
@@ -178,5 +215,43 @@ mod tests {
         assert_eq!(scene.find("1"), Some(1));
         assert_eq!(scene.find("0"), Some(0));
         assert_eq!(scene.find("2"), None);
+    }
+    /// Cameras level about `up`, `yaw` apart and tilted by `pitch`, radians.
+    fn level_cameras(up: DVec3, yaw: f64, pitch: f64) -> Vec<CalibratedCamera> {
+        let side = up.any_orthonormal_vector();
+        let of = |step: i32| {
+            let turn = glam::DQuat::from_axis_angle(up, yaw * f64::from(step));
+            let (right, level) = (turn * side, turn * up.cross(side));
+            let forward = level * pitch.cos() + up * pitch.sin();
+            let down = forward.cross(right);
+            CalibratedCamera {
+                rotation: DMat3::from_cols(right, down, forward).transpose(),
+                ..camera()
+            }
+        };
+        (-3..=3).map(of).collect()
+    }
+
+    #[test]
+    fn up_is_what_level_cameras_have_in_common_however_they_are_tilted() {
+        let up = DVec3::new(0.3, -0.5, -0.8).normalize();
+        for (yaw, pitch) in [(0.2, 0.0), (0.2, -0.5), (0.9, 0.4), (0.0, 0.0)] {
+            let found = common_up(level_cameras(up, yaw, pitch).into_iter()).unwrap();
+            let apart = found.direction().angle_between(up);
+            assert!(apart < 0.01, "{yaw} {pitch}: {apart}");
+            assert!(matches!(found, UpAxis::Along(_)));
+        }
+        // Within five degrees of an axis it is that.
+        let nearly = DVec3::new(0.03, 0.02, -1.0).normalize();
+        let found = common_up(level_cameras(nearly, 0.2, -0.3).into_iter());
+        assert_eq!(found, Some(UpAxis::Along(DVec3::NEG_Z)));
+        let found = common_up(level_cameras(DVec3::Z, 0.2, -0.3).into_iter());
+        assert_eq!(found, Some(UpAxis::Z));
+        // Cameras that look down, there and back, and none.
+        let mut down = level_cameras(DVec3::Z, 0.0, -1.5);
+        down.truncate(1);
+        down.extend(level_cameras(DVec3::Z, std::f64::consts::PI, -1.5).get(2));
+        assert_eq!(common_up(down.into_iter()), None);
+        assert_eq!(common_up(std::iter::empty()), None);
     }
 }

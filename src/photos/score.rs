@@ -112,7 +112,7 @@ pub fn ladder() -> Vec<LadderRung> {
         rung("gains", "and exposures brought together", Some(gains)),
         rung(
             "blend",
-            "and up to three blended where they agree",
+            "and up to three blended by their weights",
             Some(LookSettings::default()),
         ),
         beside(

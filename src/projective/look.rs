@@ -51,7 +51,7 @@ pub struct LookSettings {
     pub limit_cos: f32,
     /// Photographs that are blended at most, 1 to 3.
     pub blend: u32,
-    /// Difference of colors (of 1) up to which photographs agree; at twice that they do not.
+    /// Difference of colors (of 1) up to which photographs agree; at two and a half times that they do not.
     pub tolerance: f32,
     /// Photographs that disagree with the others of the best few lose weight.
     pub consensus: bool,
@@ -426,15 +426,11 @@ fn is_before(one: &PixelCandidate, other: &PixelCandidate) -> bool {
     one.weight > other.weight || (one.weight == other.weight && one.list_index < other.list_index)
 }
 
-/// Power with which weights choose the color that others are compared with.
-pub(crate) const LEADING: i32 = 8;
-
 /// Part of a weight that is left where as many weigh the same as are mixed.
 pub(crate) const LEAST_LEFT: f32 = 1e-3;
 
-/// The color of the best few candidates. One that disagrees counts by the square of its part of the best weight: next to a
-/// border between choices both count alike, so that there is no seam, and away from it there is no ghost. What the first that
-/// is left out weighs is taken off all, so that none comes or goes at a step (Buehler et al., section 3.2).
+/// The color of the best few candidates, each by its part of the best weight. What the first that is left out weighs is taken
+/// off all, so that none comes or goes at a step (Buehler et al., section 3.2).
 fn mixed(
     best: &mut [PixelCandidate],
     photos: &[LookPhoto<'_>],
@@ -449,24 +445,14 @@ fn mixed(
     let left_out = best.get(most).map_or(0.0, |next| next.weight);
     let left_out = left_out.max(LEAST_SHARE * first.weight) * (1.0 - LEAST_LEFT);
     let count = most.min(best.len());
-    let (mut colors, mut parts) = ([Vec3::ZERO; MOST_BLENDED], [0.0; MOST_BLENDED]);
-    let (mut leading, mut leading_weights) = (Vec3::ZERO, 0.0);
-    for (i, candidate) in best[..count].iter().enumerate() {
-        colors[i] = color_of(candidate, of(candidate), 0.0, settings.gains);
-        // Consensus may leave less of a weight than the limit.
-        parts[i] = ((candidate.weight - left_out) / (first.weight - left_out)).max(0.0);
-        let leads = parts[i].powi(LEADING);
-        leading += colors[i] * leads;
-        leading_weights += leads;
-    }
-    leading /= leading_weights;
     let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
-    for (color, part) in colors.iter().zip(parts).take(count) {
-        let apart = (*color - leading).abs().max_element();
-        let agrees = 1.0 - smooth(settings.tolerance, 2.0 * settings.tolerance, apart);
-        let weight = part * (agrees + (1.0 - agrees) * part);
-        sum += *color * weight;
-        weights += weight;
+    for candidate in &best[..count] {
+        // Consensus may leave less of a weight than the limit.
+        let part = ((candidate.weight - left_out) / (first.weight - left_out)).max(0.0);
+        if part > 0.0 {
+            sum += color_of(candidate, of(candidate), 0.0, settings.gains) * part;
+            weights += part;
+        }
     }
     LookPixel {
         color: (sum / weights).clamp(Vec3::ZERO, Vec3::ONE).to_array(),

@@ -76,6 +76,19 @@ impl OrbitCamera {
         self.reset();
     }
 
+    /// Turns the table about another axis from now on, which became known late: the model is framed again where the view is
+    /// still the first one, else the eye and the direction stay.
+    pub fn take_up(&mut self, up: UpAxis) {
+        let (azimuth, elevation, fill) = self.home;
+        let angles = (azimuth, elevation.clamp(-FRAC_PI_2, FRAC_PI_2));
+        let is_first = self.framed == Some(fill) && (self.azimuth, self.elevation) == angles;
+        let camera = self.camera();
+        self.set_up(up);
+        if !is_first {
+            self.look_as(&camera);
+        }
+    }
+
     /// The turntable's axis.
     pub fn up(&self) -> UpAxis {
         self.up

@@ -100,7 +100,8 @@ fn photographs_change_on_the_way_without_a_pop() {
     assert_eq!(steps.len(), 119);
     assert!(exchanged >= 8, "{exchanged}");
     assert!(found.largest_fixed > 0.01, "{found:?}");
-    assert!(found.ratio <= 1.5, "{found:?}");
+    // With parts by the angle, not by its square, 1.46.
+    assert!(found.ratio <= 1.3, "{found:?}");
     // The best photograph alone, as it is exposed, pops.
     walk.settings = LookSettings {
         blend: 1,

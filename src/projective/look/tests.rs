@@ -443,8 +443,8 @@ fn colors_change_without_steps_along_the_way_of_a_camera() {
     let largest = (colors.windows(2))
         .flat_map(|pair| (0..3).map(|c| (pair[0].color[c] - pair[1].color[c]).abs()))
         .fold(0.0, f32::max);
-    // A weight falls from 1 to a half within 14 of these steps, so that the 0.82 between two colors take 10 at least.
-    assert!(largest < 0.08, "{largest}");
+    // A weight falls from 1 to a half within 14 of these steps, so that the 0.82 between two colors take 7 at least.
+    assert!(largest < 0.12, "{largest}");
 }
 
 #[test]

@@ -1,16 +1,14 @@
 //! Colors of a block from the photographs that weigh most in each lane.
 
 use crate::projective::look::{
-    CANDIDATES, COARSER, LEADING, LEAST_LEFT, LEAST_SHARE, LookPhoto, LookPixel, LookSettings,
-    MOST_BLENDED, SHARPER,
+    CANDIDATES, COARSER, LEAST_LEFT, LEAST_SHARE, LookPhoto, LookPixel, LookSettings, MOST_BLENDED,
+    SHARPER,
 };
 use crate::projective::wide_look::block::BlockPhotos;
 use crate::projective::wide_look::lanes::{floor, load, set_bits, smooth, splat};
 use crate::projective::wide_look::texels::LaneTexels;
 use crate::simd::{FloatLanes, WIDEST, WideLanes};
 use fearless_simd::prelude::*;
-
-const _: () = assert!(LEADING == 8);
 
 /// Best few photographs of a block, as vectors.
 struct BlockMix<'a, S: Simd> {
@@ -234,34 +232,18 @@ impl<S: Simd> BlockMix<'_, S> {
         let left_out = self.weights[most].max(first * LEAST_SHARE) * (1.0 - LEAST_LEFT);
         let span = first - left_out;
         let span = WideLanes::choose(span.gt(zero), span, one);
-        let (mut colors, mut parts) = ([[zero; 3]; MOST_BLENDED], [zero; MOST_BLENDED]);
-        let (mut leading, mut leading_weights) = ([zero; 3], zero);
+        let (mut sum, mut weights) = ([zero; 3], zero);
         for k in 0..most {
-            parts[k] = ((self.weights[k] - left_out) / span).max(zero);
-            let set = WideLanes::<S>::bits(parts[k].gt(zero));
+            let part = ((self.weights[k] - left_out) / span).max(zero);
+            let set = WideLanes::<S>::bits(part.gt(zero));
             if set == 0 {
                 continue;
             }
-            colors[k] = self.colors(self.indices[k], set, None);
-            let leads = parts[k] * parts[k];
-            let leads = leads * leads;
-            let leads = leads * leads;
+            let color = self.colors(self.indices[k], set, None);
             for c in 0..3 {
-                leading[c] = leading[c] + colors[k][c] * leads;
+                sum[c] = sum[c] + color[c] * part;
             }
-            leading_weights = leading_weights + leads;
-        }
-        let all = WideLanes::choose(leading_weights.gt(zero), leading_weights, one);
-        let leading = [leading[0] / all, leading[1] / all, leading[2] / all];
-        let (mut sum, mut weights) = ([zero; 3], zero);
-        for k in 0..most {
-            let apart = apart(&colors[k], &leading);
-            let agrees = one - smooth(settings.tolerance, 2.0 * settings.tolerance, apart);
-            let weight = parts[k] * (agrees + (one - agrees) * parts[k]);
-            for c in 0..3 {
-                sum[c] = sum[c] + colors[k][c] * weight;
-            }
-            weights = weights + weight;
+            weights = weights + part;
         }
         let all = WideLanes::choose(weights.gt(zero), weights, one);
         [sum[0] / all, sum[1] / all, sum[2] / all]

@@ -3,6 +3,7 @@
 use super::draw::camera_of;
 use super::{CameraFlight, FLY_SPEED, FileAsk, ViewerApp};
 use crate::math::camera::Camera;
+use crate::math::up_axis::UpAxis;
 use crate::oriented::splats::SplatRules;
 use crate::pack::SurfaceLighting;
 use crate::render::PictureOutputs;
@@ -190,8 +191,10 @@ impl ViewerApp {
                 self.change(|orbit| orbit.look_from(azimuth, elevation));
             }
             KeyCommand::Up => {
-                self.up = self.up.next();
-                let up = self.up;
+                // What is up in the photographs comes after x.
+                let photographs = self.up_of_photographs().filter(|_| self.up == UpAxis::X);
+                let up = photographs.unwrap_or(self.up.next());
+                self.up = up;
                 self.change(|orbit| orbit.set_up(up));
                 self.inform(&format!("{} is up", up.name()));
             }

@@ -3,6 +3,7 @@
 
 use super::ViewerApp;
 use crate::math::camera::{Camera, View};
+use crate::math::up_axis::UpAxis;
 use crate::photos::look::LookSettings;
 use crate::photos::photo_loader::{PhotoArrival, PhotoLoader, PhotoRequest};
 use crate::photos::scene::{CalibratedCamera, PhotoScene};
@@ -199,8 +200,10 @@ impl ViewerApp {
                 own.stage = Some(PhotoStage::new(model, count, most));
                 own.allowed = vec![true; count];
                 let remarks = scene.remarks.clone();
+                let up = scene.up();
                 own.scene = Some(scene);
                 remarks.iter().for_each(|remark| self.warn(remark));
+                self.take_up_of_photographs(up);
             }
             PhotoArrival::Ready(index, photo) => {
                 if let Some(stage) = &mut own.stage {
@@ -241,6 +244,27 @@ impl ViewerApp {
                 self.warn(&sentence);
             }
         }
+    }
+
+    /// Makes what is up in the photographs up in the window, unless a person said what is.
+    fn take_up_of_photographs(&mut self, up: Option<UpAxis>) {
+        let Some(up) = up.filter(|_| self.options.up.is_none()) else {
+            return;
+        };
+        self.up = up;
+        let Some(orbit) = &mut self.orbit else {
+            return;
+        };
+        orbit.take_up(up);
+        if let Some(camera) = &self.fixed {
+            orbit.look_as(camera);
+        }
+        self.is_dirty = true;
+    }
+
+    /// Direction that is up in the photographs of the model, where they have one.
+    pub(super) fn up_of_photographs(&self) -> Option<UpAxis> {
+        self.photographs.scene.as_ref()?.up()
     }
 
     /// Chooses photographs for the view of the next frame and hands them to the screen; the settings that it is drawn with.

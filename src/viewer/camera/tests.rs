@@ -64,6 +64,26 @@ fn about_another_axis_it_is_the_orbit_about_that() {
 }
 
 #[test]
+fn an_axis_that_becomes_known_late_leaves_a_view_that_was_moved() {
+    let up = UpAxis::along(DVec3::new(0.2, -0.3, -0.9)).unwrap();
+    let mut first = orbit();
+    first.take_up(up);
+    assert_eq!(first, orbit().about(up));
+    let mut moved = orbit();
+    moved.turn(DVec2::new(30.0, -20.0));
+    let before = moved.camera().view.inverse();
+    moved.take_up(up);
+    let after = moved.camera().view.inverse();
+    for axis in [2, 3] {
+        let [a, b] = [before, after].map(|view| view.col(axis));
+        assert!(a.abs_diff_eq(b, 1e-9), "{a} {b}");
+    }
+    // The side of the picture is level to what is up now.
+    let level = after.x_axis.truncate().dot(up.direction());
+    assert!(level.abs() < 1e-9, "{level}");
+}
+
+#[test]
 fn turning_stops_at_the_poles_and_never_flips() {
     let mut o = orbit();
     for _ in 0..50 {
