@@ -3,7 +3,7 @@
 pub(super) mod info;
 
 use super::messages::{self, LayerMessages};
-use super::{DeviceOptions, Error, SWAPCHAIN, clock};
+use super::{DeviceOptions, Error, SWAPCHAIN, clock, loader_lock};
 use ash::vk;
 use std::ffi::{CStr, CString};
 
@@ -110,6 +110,7 @@ impl VulkanInstance {
             // Covers the creation and destruction of the instance itself.
             info = info.push_next(&mut messenger_info);
         }
+        let turn = loader_lock::change();
         // SAFETY: all pointers live until the call returns; the message list outlives the instance because
         // `Gpu` keeps it.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
@@ -122,6 +123,7 @@ impl VulkanInstance {
                 result,
             },
         })?;
+        drop(turn);
         let mut instance = Self {
             raw: Some(raw),
             messenger: None,
@@ -165,6 +167,7 @@ impl VulkanInstance {
 
 impl Drop for VulkanInstance {
     fn drop(&mut self) {
+        let _turn = loader_lock::change();
         // SAFETY: nothing made from the instance is left: either no device was made or `into_parts` took all.
         unsafe {
             if let Some((debug, messenger)) = self.messenger.take() {
@@ -367,9 +370,11 @@ fn inspect(
 }
 
 fn all(entry: &ash::Entry, instance: &VulkanInstance) -> Result<Vec<ChosenDevice>, Error> {
+    let turn = loader_lock::change();
     // SAFETY: the instance is alive.
     let devices = unsafe { instance.raw().enumerate_physical_devices() }
         .map_err(Error::vulkan("vkEnumeratePhysicalDevices", "the instance"))?;
+    drop(turn);
     Ok(devices
         .into_iter()
         .enumerate()
@@ -522,10 +527,12 @@ pub(super) fn create(
         .enabled_features(&core)
         .push_next(&mut features12)
         .push_next(&mut features13);
+    let turn = loader_lock::change();
     // SAFETY: every feature and extension asked for was reported by the device; all pointers live until the
     // call returns.
     let device = unsafe { instance.raw().create_device(chosen.physical, &info, None) }
         .map_err(Error::vulkan("vkCreateDevice", &chosen.info.name))?;
+    drop(turn);
     // SAFETY: queue 0 of this family was created with the device.
     let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
     Ok((device, queue))

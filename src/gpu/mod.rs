@@ -23,6 +23,7 @@ pub(crate) mod for_tests;
 pub mod frame;
 pub mod image;
 mod indirect;
+mod loader_lock;
 pub mod messages;
 #[cfg(feature = "viewer")]
 pub mod overlay;
@@ -244,14 +245,17 @@ impl Gpu {
             buffer_device_address: false,
             allocation_sizes: gpu_allocator::AllocationSizes::default(),
         });
+        let turn = loader_lock::read();
         let debug_device =
             has_debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device));
         let calibration = chosen
             .calibration
             .map(|name| clock::ClockFunctions::new(&instance, &device, name));
+        drop(turn);
         let allocator = match allocator {
             Ok(allocator) => allocator,
             Err(cause) => {
+                let _turn = loader_lock::change();
                 // SAFETY: nothing was made from the device yet; the messenger goes before its instance.
                 unsafe {
                     device.destroy_device(None);
@@ -359,6 +363,11 @@ impl Gpu {
         }
     }
 
+    fn swapchains(&self) -> khr::swapchain::Device {
+        let _turn = loader_lock::read();
+        khr::swapchain::Device::new(&self.instance, &self.device)
+    }
+
     fn name<T: vk::Handle>(&self, handle: T, name: &str) {
         let Some(debug) = &self.debug_device else {
             return;
@@ -371,6 +380,7 @@ impl Gpu {
         let info = vk::DebugUtilsObjectNameInfoEXT::default()
             .object_handle(handle)
             .object_name(text);
+        let _turn = loader_lock::read();
         // SAFETY: the handle belongs to this device and is alive; names are only a help, so a failure is
         // ignored.
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
@@ -556,6 +566,7 @@ impl Drop for Gpu {
             let Some((_, remains)) = next else { break };
             self.destroy(remains);
         }
+        let _turn = loader_lock::change();
         // SAFETY: the device is idle, every resource is gone (each kept this root alive), the allocator goes
         // before its device, the messenger after the device so that it sees leaks, the instance last. The
         // allocator is not used after this.

@@ -110,7 +110,7 @@ impl WindowSurface {
             swapchain: None,
             surface: vk::SurfaceKHR::null(),
             surfaces: khr::surface::Instance::new(&gpu.entry, &gpu.instance),
-            swapchains: khr::swapchain::Device::new(&gpu.instance, &gpu.device),
+            swapchains: gpu.swapchains(),
             in_flight: in_flight.max(1),
             vsync,
             mode: vk::PresentModeKHR::FIFO,
