@@ -2,21 +2,25 @@
 //! [`Model`] that can be drawn.
 //!
 //! Command line, window and library users all come through here. A stream is opened once and decided by its first bytes: a
-//! tree file is read as it is, of a `.qs` file the leaves, anything else goes to [`input`] and then to [`tree::build`]. Nothing is printed: what was
-//! repaired or left out comes back as [`OpenedModel::warnings`], what is wrong as one [`Error`].
+//! tree file is read as it is, of a `.qs` file the leaves, of a scene of photographs its points; anything else goes to
+//! [`input`] and then to [`tree::build`]. Nothing is printed: what was repaired or left out comes back as
+//! [`OpenedModel::warnings`], what is wrong as one [`Error`].
 
 pub mod cross_section;
 pub mod export;
 pub mod file_place;
 pub(crate) mod keep;
 mod paged;
+pub mod photo_scene;
 pub mod recolor;
+mod source_format;
 mod stream;
 mod surface_section;
 #[cfg(test)]
 mod tests;
 
 use paged::{is_address, read_address, read_pages};
+pub use source_format::SourceFormat;
 pub use stream::{OpenedStream, external_options, open_stream};
 
 use crate::Error;
@@ -37,7 +41,6 @@ use crate::progress::Progress;
 use crate::scenes::{self, SceneError};
 use crate::tree::{self, BuildOptions, Model, PointNormals};
 use glam::DVec3;
-use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -114,48 +117,6 @@ impl ModelSource {
         } else {
             Ok(file())
         }
-    }
-}
-
-/// Format that a model was read as.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum SourceFormat {
-    /// A model file of this format.
-    Mesh(Format),
-    /// A tree file.
-    Tree,
-    /// A paged tree file, all of whose pages are joined.
-    PagedTree,
-    /// A tree of QSplat 1.0, of which the leaves are taken as a point cloud.
-    QSplat,
-    /// No file: a generator or a scene.
-    Generated,
-}
-
-impl SourceFormat {
-    /// Unit of length that the format demands; `None` where files have any.
-    pub fn unit(self) -> Option<&'static str> {
-        match self {
-            Self::Mesh(Format::Gltf | Format::Glb | Format::E57) => Some("m"),
-            _ => None,
-        }
-    }
-
-    /// The name as people write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Mesh(format) => format.name(),
-            Self::Tree => "surfel tree",
-            Self::PagedTree => "paged surfel tree",
-            Self::QSplat => "QSplat tree",
-            Self::Generated => "generated",
-        }
-    }
-}
-
-impl fmt::Display for SourceFormat {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 
@@ -515,6 +476,9 @@ fn read_file(
     options: &OpenOptions,
     progress: &dyn Progress,
 ) -> Result<SourceContent, Error> {
+    if let Some(points) = photo_scene::read_points(path)? {
+        return Ok(points);
+    }
     let failed = |source| unreadable(path, source);
     let mut file = File::open(path).map_err(failed)?;
     let metadata = file.metadata().map_err(failed)?;

@@ -198,6 +198,7 @@ const LAYERS: &[Layer] = &[
             "scenes",
             "tree",
             "pages",
+            "photos",
             "error",
         ],
     ),

@@ -2,12 +2,13 @@
 
 use super::progress::JobBar;
 use super::{CommandFailure, say, usage};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 use surfel::OpenedModel;
 use surfel::math::camera::{Camera, View};
 use surfel::open::UpGuess;
+use surfel::open::photo_scene::is_photo_scene;
 use surfel::photos::formats::read_scene;
 use surfel::photos::look::LookSettings;
 use surfel::photos::scene::PhotoScene;
@@ -15,7 +16,7 @@ use surfel::photos::stage::PhotoStage;
 use surfel::photos::surface::{SurfaceDrawer, renderer_camera};
 use surfel::projective::frame_photos::FramePhotos;
 use surfel::render::engine::Backend;
-use surfel::render::{PhotoDisplay, Settings};
+use surfel::render::{AmbientOcclusion, EyeDome, PhotoDisplay, Settings};
 
 /// Longest side of a picture from the pose of a photograph, pixels.
 const POSE_SIDE: f64 = 1000.0;
@@ -49,6 +50,34 @@ impl PhotoArgs {
         self.most_photos.unwrap_or(16) as usize
     }
 
+    /// Puts the photographs of a scene on its own points, where the model is one, unless others are named.
+    pub(crate) fn take_own_of(&mut self, model: &Path) {
+        if self.photos.is_some() || !is_photo_scene(model) {
+            return;
+        }
+        // A fault in it is told where it is opened.
+        let Ok(scene) = read_scene(model, self.photo_folder.as_deref()) else {
+            return;
+        };
+        if scene.photos.iter().any(|photo| photo.file.is_some()) {
+            self.photos = Some(model.to_owned());
+        } else {
+            say(&format!(
+                "surfel: {}: none of its photographs is there; its points are shown in their own colors (--photos {} --photo-folder FOLDER)",
+                model.display(),
+                model.display()
+            ));
+        }
+    }
+
+    /// Settings that show what is asked for on a model; where it is drawn alone and is a scene, its own photographs.
+    pub(crate) fn shown_on(&mut self, model: &Path, alone: bool, settings: Settings) -> Settings {
+        if alone && may_show_photos(&settings) {
+            self.take_own_of(model);
+        }
+        self.shown(settings)
+    }
+
     /// Settings that show what is asked for.
     pub(crate) fn shown(&self, settings: Settings) -> Settings {
         Settings {
@@ -73,6 +102,14 @@ impl PhotoArgs {
         }
         Ok(Some(scene))
     }
+}
+
+/// Tells whether settings leave room for photographs that nobody named: data, lights and backgrounds of two colors do not.
+fn may_show_photos(settings: &Settings) -> bool {
+    !settings.color_by.is_data()
+        && settings.eye_dome != EyeDome::On
+        && settings.ambient_occlusion != AmbientOcclusion::On
+        && settings.background_bottom.is_none()
 }
 
 /// Guess of what is up: that of the photographs, where there are any and they have it in common, else the model's.

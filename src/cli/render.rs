@@ -466,12 +466,11 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
         args.look.default_threshold(threshold);
         settings = args.look.settings_to_choose()?;
     }
-    settings = args.photos.shown(settings);
+    let alone = args.more.is_empty() && !args.look.is_auto();
+    settings = (args.photos).shown_on(&args.source.model, alone, settings);
     let of_photos = args.photos.read()?;
-    let measures = args.measures.as_deref().map(MeasureList::read);
-    let measures = measures
-        .transpose()
-        .map_err(|error| usage(error.to_string()))?;
+    let file = args.measures.as_deref().map(MeasureList::read);
+    let measures = file.transpose().map_err(|e| usage(e.to_string()))?;
     let pose = match (&of_photos, &args.camera_of) {
         (Some(of_photos), Some(wanted)) => Some(camera_of(of_photos, wanted, &ready)?),
         _ => None,

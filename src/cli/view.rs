@@ -202,6 +202,9 @@ pub(crate) fn run(mut args: ViewArgs, _quiet: bool) -> Outcome {
         return Err(usage("--frames goes with --turntable FOLDER"));
     }
     let camera = args.camera.as_deref().map(read_camera).transpose()?;
+    if let (Some(model), true) = (&args.model, args.more.is_empty()) {
+        args.photos.take_own_of(model);
+    }
     settings = args.photos.shown(settings);
     // What is made for a file must not depend on how a window was left.
     let is_attended = args.screenshot.is_none()

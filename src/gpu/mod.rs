@@ -363,6 +363,7 @@ impl Gpu {
         }
     }
 
+    #[cfg(feature = "viewer")]
     fn swapchains(&self) -> khr::swapchain::Device {
         let _turn = loader_lock::read();
         khr::swapchain::Device::new(&self.instance, &self.device)
