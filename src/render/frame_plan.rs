@@ -411,7 +411,7 @@ impl FramePlan {
     /// Plans a frame for the reference, which draws what the device would by the rasterizer.
     ///
     /// # Errors
-    /// As [`FramePlan::new`].
+    /// Refusals of [`FramePlan::new`].
     pub(crate) fn for_reference(
         settings: &Settings,
         parts: DrawnParts<'_>,

@@ -74,7 +74,7 @@ impl DeviceTree {
         self.scene == scene.id()
     }
 
-    /// What records of splats are made of: the tree, and the vertices of the page that it lies in.
+    /// Buffers that records of splats are made of: the tree, and the vertices of the page that it lies in.
     pub(crate) fn buffers_of_splats<'a>(&'a self, page: &'a ScenePage) -> [&'a dyn AnyBuffer; 5] {
         [
             &self.nodes,

@@ -39,7 +39,7 @@ fn sorted<T: bytemuck::Pod>(records: &[T]) -> Vec<Vec<u32>> {
     words
 }
 
-/// What is in `all` and not in `some`, both sorted; `None` where `some` has what `all` has not.
+/// Items of `all` that are not in `some`, both sorted; `None` where `some` has what `all` has not.
 fn more<T: Ord + Clone>(all: &[T], some: &[T]) -> Option<Vec<T>> {
     let mut rest = some.iter().peekable();
     let mut extra = Vec::new();
@@ -51,7 +51,7 @@ fn more<T: Ord + Clone>(all: &[T], some: &[T]) -> Option<Vec<T>> {
     rest.next().is_none().then_some(extra)
 }
 
-/// What is asked of the device.
+/// Settings and rules of a cut that is asked of the device.
 #[derive(Clone, Copy)]
 struct AskedCut<'a> {
     settings: &'a Settings,
@@ -146,7 +146,7 @@ fn check_copies<T: bytemuck::Pod + PartialEq + std::fmt::Debug>(
     }
 }
 
-/// What the host chooses, and the records of its splats.
+/// Cut that the processor chooses, and the records of its splats.
 fn of_host<R: splats::SplatRecord + bytemuck::Pod + Send>(
     gpu: &Gpu,
     (model, undrawn): (&Model, &cut::ZeroAreaSet),
