@@ -135,6 +135,24 @@ pub(crate) struct PlanInput<'a> {
     pub(crate) costs: Option<&'a DrawCosts>,
 }
 
+impl<'a> PlanInput<'a> {
+    /// Input of a renderer whose costs decide nothing.
+    fn without_costs(
+        parts: DrawnParts<'a>,
+        view: &'a View,
+        outputs: PictureOutputs,
+        capabilities: &'a RendererCapabilities,
+    ) -> Self {
+        Self {
+            parts,
+            view,
+            outputs,
+            capabilities,
+            costs: None,
+        }
+    }
+}
+
 /// Who chooses what is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum CutPlace {
@@ -398,13 +416,8 @@ impl FramePlan {
             list_of: ListOf::Records,
             ..*settings
         };
-        let input = PlanInput {
-            parts,
-            view,
-            outputs,
-            capabilities: &RendererCapabilities::PROCESSOR,
-            costs: None,
-        };
+        let capabilities = &RendererCapabilities::PROCESSOR;
+        let input = PlanInput::without_costs(parts, view, outputs, capabilities);
         Self::new(&settings, &input)
     }
 
@@ -428,13 +441,8 @@ impl FramePlan {
             list_of: ListOf::Records,
             ..*settings
         };
-        let input = PlanInput {
-            parts,
-            view,
-            outputs,
-            capabilities: &RendererCapabilities::REFERENCE,
-            costs: None,
-        };
+        let capabilities = &RendererCapabilities::REFERENCE;
+        let input = PlanInput::without_costs(parts, view, outputs, capabilities);
         Self::new(&settings, &input)
     }
 
