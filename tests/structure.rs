@@ -149,6 +149,7 @@ const LAYERS: &[Layer] = &[
             "mesh",
             "abi",
             "tree",
+            "pages",
             "cut",
             "pack",
             "oriented",
@@ -163,8 +164,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "bench",
         &[
-            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "patches",
-            "gpu", "render", "measure", "chart",
+            "progress", "math", "mesh", "input", "abi", "generate", "tree", "pages", "cut",
+            "image", "patches", "gpu", "render", "measure", "chart",
         ],
     ),
     // Wraps the error of every layer; no layer may use it.

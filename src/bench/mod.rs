@@ -3,7 +3,8 @@
 //! A [`BenchSession`] is a device with what it costs there ([`calibrate`]) and how fast it moves bytes. The parts each measure a
 //! [`BenchCase`] and return [`BenchFigure`]s: [`rates`] what a primitive and an empty frame cost, [`cuts`] the cut on the processor,
 //! [`frames`] whole frames beside plain triangles, [`accuracy`] time against error beside ray casting and simplified
-//! meshes ([`rivals`]), [`pictures`] the default picture beside one exact sample, [`growth`] one view of ever larger models. [`verdict`] decides, [`report`] writes.
+//! meshes ([`rivals`]), [`pictures`] the default picture beside one exact sample, [`pages`] paged files beside whole trees,
+//! [`growth`] one view of ever larger models. [`verdict`] decides, [`report`] writes.
 //!
 //! What is compared is drawn in turn, frame by frame, so that what slows the machine down for a while slows all of it.
 //! `docs/PERFORMANCE.md` says what the figures mean.
@@ -15,6 +16,7 @@ pub mod cuts;
 pub mod frames;
 pub mod growth;
 pub mod memory;
+pub mod pages;
 pub mod pictures;
 pub mod rates;
 pub mod report;
@@ -52,6 +54,15 @@ pub enum BenchError {
     /// A tree could not be built.
     #[error(transparent)]
     Tree(#[from] crate::tree::Error),
+    /// A model that was written could not be read.
+    #[error(transparent)]
+    Input(#[from] crate::input::Error),
+    /// A file could not be built piece by piece.
+    #[error(transparent)]
+    External(#[from] crate::pages::external::ExternalError),
+    /// A temporary file could not be made or read.
+    #[error("a temporary file: {0}")]
+    Temporary(#[from] std::io::Error),
     /// Less memory is free than a model needs.
     #[error(
         "{model} needs about {needed} bytes of memory, and {available} are free; leave it out or close something"

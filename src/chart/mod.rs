@@ -38,6 +38,9 @@ pub enum ChartError {
     /// The model has no camera that shows it.
     #[error(transparent)]
     Camera(#[from] crate::math::camera::CameraError),
+    /// A model could not be put into pages.
+    #[error(transparent)]
+    Tree(#[from] crate::tree::Error),
     /// A file of rows is not one, or is damaged.
     #[error("{path}, line {line}: {cause}")]
     Rows {

@@ -10,6 +10,7 @@ pub mod dietz_failures;
 mod dietz_holes;
 mod dietz_splats;
 pub mod qsplat;
+mod qsplat_codes;
 
 use super::ChartError;
 use crate::math::camera::View;

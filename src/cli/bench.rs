@@ -10,7 +10,7 @@ use surfel::bench::cases::CaseStandard;
 use surfel::bench::report::{RunFacts, csv, line, summary};
 use surfel::bench::{
     BenchCase, BenchError, BenchFigure, BenchPlan, BenchSession, accuracy, cuts, frames, growth,
-    memory, pictures, rates, rivals,
+    memory, pages, pictures, rates, rivals,
 };
 use surfel::measure::store;
 use surfel::progress::Progress;
@@ -24,10 +24,11 @@ Examples:
   surfel bench scan.ply                        a model of your own beside the standard ones
   surfel bench --only pictures --case dragon *.ply      default pictures of the dragon, files, hard scenes and a thin blade
   surfel bench --only pictures --files-only *.ply        of the files alone
+  surfel bench --only pages                    paged files beside whole trees
 
 Parts: rates (primitives a second, the empty frame), cut, frames (beside plain triangles), accuracy (time against error,
 beside rays and simplified meshes where built with the feature rivals), pictures (the default of `surfel render` beside
-one exact sample a pixel), growth. The standard models are generated; the
+one exact sample a pixel), pages (paged files: size, build, opening, decoding, cut, pictures), growth. The standard models are generated; the
 dragon is read from SURFEL_MODELS/thesis/dragon_vrip.ply.gz, or is a file of 871,414 triangles given here. What is missed
 is no failure of the run: the exit code is 0. docs/PERFORMANCE.md says what each figure means.";
 
@@ -63,7 +64,7 @@ pub(crate) struct BenchArgs {
     device: DeviceArgs,
 }
 
-/// A part of the run. Pictures are measured where they are asked for: 64 samples of every triangle take minutes.
+/// A part of the run. Pictures and pages are measured where they are asked for: they take minutes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum BenchPart {
     Rates,
@@ -71,12 +72,19 @@ enum BenchPart {
     Frames,
     Accuracy,
     Pictures,
+    Pages,
     Growth,
 }
 
 impl BenchPart {
     /// Parts that are measured of every model.
-    const OF_MODELS: [Self; 4] = [Self::Cut, Self::Frames, Self::Accuracy, Self::Pictures];
+    const OF_MODELS: [Self; 5] = [
+        Self::Cut,
+        Self::Frames,
+        Self::Accuracy,
+        Self::Pictures,
+        Self::Pages,
+    ];
 }
 
 fn parse_case(text: &str) -> Result<CaseStandard, String> {
@@ -117,7 +125,7 @@ impl BenchArgs {
     }
 
     fn wants(&self, part: BenchPart) -> bool {
-        let is_usual = part != BenchPart::Pictures;
+        let is_usual = !matches!(part, BenchPart::Pictures | BenchPart::Pages);
         is_usual && self.only.is_empty() || self.only.contains(&part)
     }
 
@@ -337,11 +345,12 @@ fn models(
             &BenchPlan,
             &dyn Progress,
         ) -> Result<Vec<BenchFigure>, BenchError>;
-        let parts: [(BenchPart, &str, Measure); 4] = [
+        let parts: [(BenchPart, &str, Measure); 5] = [
             (BenchPart::Cut, "cut", cuts::figures),
             (BenchPart::Frames, "frames", frames::figures),
             (BenchPart::Accuracy, "time against error", accuracy::figures),
             (BenchPart::Pictures, "default picture", pictures::figures),
+            (BenchPart::Pages, "pages", pages::figures),
         ];
         for (part, what, measure) in parts {
             if args.wants(part) {
