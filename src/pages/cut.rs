@@ -41,6 +41,15 @@ pub struct WantedPage {
     pub size_px: f32,
 }
 
+/// A page in memory that a cut walked over.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NeededPage {
+    /// The page's number.
+    pub id: u32,
+    /// How wide its root is on the screen, as of [`WantedPage`].
+    pub size_px: f32,
+}
+
 /// The cut over pages.
 #[derive(Debug, Clone, Default)]
 pub struct PagedCut {
@@ -48,8 +57,8 @@ pub struct PagedCut {
     pub parts: Vec<PagePart>,
     /// Pages that would make the picture finer, the largest first.
     pub wanted: Vec<WantedPage>,
-    /// Numbers of all pages that were walked over, ascending: they must stay in memory for this cut to come out again.
-    pub needed: Vec<u32>,
+    /// All pages that were walked over, by ascending number: they must stay in memory for this cut to come out again.
+    pub needed: Vec<NeededPage>,
     /// The work, added up.
     pub stats: CutStats,
 }
@@ -224,7 +233,7 @@ impl PageCutSelector {
             let mut found: Vec<FoundPage> = Vec::new();
             for own in band.drain(..) {
                 match pages.page(own.entry.id) {
-                    Some(page) => found.push(FoundPage::new(own.entry.id, page)),
+                    Some(page) => found.push(FoundPage::new(own, page)),
                     None => out.wanted.push(own),
                 }
             }
@@ -237,7 +246,10 @@ impl PageCutSelector {
                 look_at(worker, own, tests, hiding);
             });
             for mut own in found {
-                out.needed.push(own.id);
+                out.needed.push(NeededPage {
+                    id: own.id,
+                    size_px: own.size_px,
+                });
                 let missing = &mut out.wanted;
                 own.verdict.settle(&own.page, pages, (&mut band, missing));
                 all.push(own);
@@ -256,7 +268,10 @@ impl PageCutSelector {
                 }
             });
         }
-        for FoundPage { id, page, verdict } in all {
+        for own in all {
+            let FoundPage {
+                id, page, verdict, ..
+            } = own;
             let cut = verdict.cut;
             out.stats.add(&cut.rest.stats);
             if cut.primitives() > 0 {
@@ -276,14 +291,16 @@ impl PageCutSelector {
 #[derive(Debug)]
 struct FoundPage {
     id: u32,
+    size_px: f32,
     page: Arc<DecodedPage>,
     verdict: PageVerdict,
 }
 
 impl FoundPage {
-    fn new(id: u32, page: Arc<DecodedPage>) -> Self {
+    fn new(wanted: WantedPage, page: Arc<DecodedPage>) -> Self {
         Self {
-            id,
+            id: wanted.entry.id,
+            size_px: wanted.size_px,
             page,
             verdict: PageVerdict::default(),
         }
@@ -314,7 +331,9 @@ fn look_at(
         choose,
         ..
     } = tests;
-    let FoundPage { id, page, verdict } = own;
+    let FoundPage {
+        id, page, verdict, ..
+    } = own;
     let PageVerdict {
         cut,
         marks,

@@ -40,6 +40,8 @@ pub struct LoadedPage {
     pub id: u32,
     /// The page.
     pub page: Arc<DecodedPage>,
+    /// How wide its root was on the screen when it was wanted, pixels.
+    pub size_px: f32,
 }
 
 /// A page that failed.
@@ -105,7 +107,8 @@ impl LoaderState {
             Ok(page) => {
                 self.failed.remove(&id);
                 let page = Arc::new(page);
-                self.done.push(LoadedPage { id, page });
+                let size_px = wanted.size_px;
+                self.done.push(LoadedPage { id, page, size_px });
             }
             Err(error) => {
                 let attempts = self.failed.get(&id).map_or(0, |failed| failed.attempts);

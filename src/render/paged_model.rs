@@ -9,7 +9,7 @@ use crate::gpu::Error;
 use crate::math::camera::View;
 use crate::pages::cache::PageCache;
 use crate::pages::cut::{
-    PageCutSelector, PageHiding, PageQuestion, PageSelectors, PageTests, PagedCut,
+    NeededPage, PageCutSelector, PageHiding, PageQuestion, PageSelectors, PageTests, PagedCut,
 };
 use crate::pages::file::PagedFile;
 use crate::pages::format::{PageEntry, PageError};
@@ -284,7 +284,11 @@ impl PagedModel {
     /// Takes the pages that were read since the last call, and forgets those that went for them.
     fn take_pages(&mut self) {
         for loaded in self.loader.take() {
-            let change = self.cache.insert(loaded.id, loaded.page.clone());
+            let own = NeededPage {
+                id: loaded.id,
+                size_px: loaded.size_px,
+            };
+            let change = self.cache.insert(own, loaded.page.clone());
             for id in change.gone {
                 self.known.remove(&id);
             }

@@ -31,6 +31,8 @@ pub struct PaceSummary {
     pub finer: usize,
     /// Median time, milliseconds.
     pub median_ms: f64,
+    /// Longest time, milliseconds.
+    pub longest_ms: f64,
     /// Smallest and largest threshold, pixels.
     pub thresholds_px: (f32, f32),
 }
@@ -57,6 +59,7 @@ impl PaceSummary {
                 .filter(|f| !is_near(f) && f.is_finest && f.ms < target_ms)
                 .count(),
             median_ms: super::text::median(late.iter().map(|f| f.ms)),
+            longest_ms: late.iter().map(|f| f.ms).fold(0.0, f64::max),
             thresholds_px: (
                 thresholds.clone().min_by(f32::total_cmp).unwrap_or(0.0),
                 thresholds.max_by(f32::total_cmp).unwrap_or(0.0),
@@ -79,13 +82,14 @@ impl fmt::Display for PaceSummary {
         write!(
             f,
             "{:.1} % of {} frames kept {} ms: {} within 15 %, {} faster at the wanted threshold (after the first second); \
-             median {:.1} ms, threshold {least:.2} to {most:.2} px",
+             median {:.1} ms, longest {:.1} ms, threshold {least:.2} to {most:.2} px",
             100.0 * self.kept(),
             self.frames,
             self.target_ms,
             self.near,
             self.finer,
             self.median_ms,
+            self.longest_ms,
         )
     }
 }
@@ -110,6 +114,7 @@ mod tests {
         assert_eq!((summary.frames, summary.near, summary.finer), (6, 2, 1));
         assert_eq!(summary.kept(), 0.5);
         assert_eq!(summary.thresholds_px, (1.0, 4.0));
+        assert_eq!(summary.longest_ms, 130.0);
         let text = summary.to_string();
         assert!(text.starts_with("50.0 % of 6 frames kept 100 ms"), "{text}");
         assert_eq!(PaceSummary::of(&frames[..2], 100.0).kept(), 1.0, "of none");

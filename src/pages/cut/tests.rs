@@ -374,7 +374,7 @@ fn refined_page_by_page(pages: &PagedOptions, least: usize) {
         }
         let sizes: Vec<f32> = found.wanted.iter().map(|wanted| wanted.size_px).collect();
         assert!(sizes.windows(2).all(|w| w[0] >= w[1]));
-        assert!(found.needed.windows(2).all(|w| w[0] < w[1]));
+        assert!(found.needed.windows(2).all(|w| w[0].id < w[1].id));
         let Some(next) = found.wanted.first() else {
             break;
         };
