@@ -7,7 +7,7 @@
 use super::cases::{self, SIZE, views};
 use super::verdict::BenchTarget;
 use super::{BenchCase, BenchError, BenchFigure, BenchPlace, BenchPlan, BenchSession};
-use crate::cut::{Cut, CutSelector};
+use crate::cut::{Cut, CutSelector, ZeroAreaSet};
 use crate::generate::ply;
 use crate::image::compare;
 use crate::math::octahedral;
@@ -19,11 +19,11 @@ use crate::pages::page::DecodeOptions;
 use crate::pages::source::{ByteSource, FileSource, MemorySource};
 use crate::pages::write::{PagedOptions, to_bytes};
 use crate::progress::{Progress, SilentProgress};
-use crate::render::cut_key::cut_settings;
+use crate::render::PictureOutputs;
+use crate::render::cut_key::CutKey;
 use crate::render::engine::{Backend, Engine};
 use crate::render::frame_plan::resolve_settings;
 use crate::render::paged_model::{PagedModel, PagedModelOptions};
-use crate::render::{Occlusion, PictureOutputs, Settings};
 use crate::tree::{self, BuildOptions, Model};
 use std::path::Path;
 use std::sync::Arc;
@@ -275,10 +275,7 @@ impl MeasuredForm {
         plan: &BenchPlan,
         figures: &mut Vec<BenchFigure>,
     ) -> Result<(), BenchError> {
-        let settings = Settings {
-            occlusion: Occlusion::Off,
-            ..cases::default(1.0).settings
-        };
+        let settings = cases::default(1.0).settings;
         let views = views(model, SIZE, 1.0, plan.views.clamp(2, 12))?;
         let mut pages = opened(file.clone(), None)?;
         for view in &views {
@@ -286,11 +283,14 @@ impl MeasuredForm {
         }
         let mut selector = CutSelector::default();
         let mut cut = Cut::default();
+        let undrawn = ZeroAreaSet::new(model);
         let mut times = [vec![], vec![]];
         for round in 0..=plan.rounds.clamp(1, 5) {
             for view in &views {
-                let own = cut_settings(&resolve_settings(&settings, model, view), model);
-                let (whole, ()) = seconds(|| selector.select(model, view, &own, &mut cut));
+                let own = resolve_settings(&settings, model, view);
+                let key = CutKey::of(&own, &model.into(), view);
+                let select = || key.select(&mut selector, model, || &undrawn, &mut cut);
+                let (whole, ()) = seconds(select);
                 let (paged, prepared) = seconds(|| pages.prepare(view, &settings));
                 prepared?;
                 if round > 0 {

@@ -86,6 +86,8 @@ pub struct PageSelectors {
     pub by_size: CutSelector,
     /// Selector by their errors as patches.
     pub by_error: PatchSelector,
+    /// Working memory: what is drawn of a page from both sides.
+    both_sides: PatchCut,
 }
 
 /// Depths and tests that leaf pages share, so that they hide each other.
@@ -117,7 +119,9 @@ pub struct PageTests<'a> {
 struct PageVerdict {
     cut: PatchCut,
     /// Notes of the questions that are asked again once all pages are cut.
-    marks: Option<PartMarks>,
+    marks: PartMarks,
+    /// Tells whether there are such notes.
+    is_marked: bool,
     /// Pages below it with a leaf that is too large to be drawn as a splat, whether they are there or not, in their order.
     open: Vec<OpenPage>,
     /// Leaves that are so large, ascending.
@@ -133,6 +137,14 @@ struct OpenPage {
 }
 
 impl PageVerdict {
+    /// Empties it and keeps its memory.
+    fn clear(&mut self) {
+        self.cut.clear();
+        self.is_marked = false;
+        self.open.clear();
+        self.large.clear();
+    }
+
     /// Leaves what is below pages in memory to these, and draws the leaves of those that are missing. Puts the former into `band`,
     /// the latter into `missing`.
     fn settle(
@@ -176,6 +188,9 @@ pub struct PageCutSelector {
     /// Selectors of each thread. Pages are small: many are cut at once, each by one thread.
     workers: Vec<PageSelectors>,
     depth: SharedDepth,
+    /// Verdicts and cuts of earlier frames. Threads that fill new ones wait for each other in the allocator.
+    spare: Vec<PageVerdict>,
+    spare_cuts: Vec<PatchCut>,
 }
 
 impl Default for PageCutSelector {
@@ -183,10 +198,13 @@ impl Default for PageCutSelector {
         let worker = || PageSelectors {
             by_size: CutSelector::with_threads(1),
             by_error: PatchSelector::with_threads(1),
+            both_sides: PatchCut::default(),
         };
         Self {
             workers: (0..threads::count()).map(|_| worker()).collect(),
             depth: SharedDepth::default(),
+            spare: Vec::new(),
+            spare_cuts: Vec::new(),
         }
     }
 }
@@ -205,6 +223,22 @@ impl PageCutSelector {
         self
     }
 
+    /// Takes a cut that is no longer drawn: the next one uses its memory.
+    pub fn recycle(&mut self, old: PagedCut) {
+        self.spare_cuts
+            .extend(old.parts.into_iter().map(|part| part.cut));
+    }
+
+    /// An empty verdict with the memory of an earlier one.
+    fn spare_verdict(&mut self) -> PageVerdict {
+        let mut verdict = self.spare.pop().unwrap_or_default();
+        if let Some(cut) = self.spare_cuts.pop() {
+            verdict.cut = cut;
+        }
+        verdict.clear();
+        verdict
+    }
+
     /// The cut over the pages below `root`, all of them in model space ([`DecodedPage::in_model_space`]). Where nothing is
     /// in memory it draws nothing and wants the first page.
     pub fn select(
@@ -218,13 +252,14 @@ impl PageCutSelector {
             entry,
             size_px: f32::INFINITY,
         });
-        let hides = (tests.hides).filter(|(_, whole)| self.depth.begin(tests.view, *whole));
+        let mut shared = std::mem::take(&mut self.depth);
+        let hides = (tests.hides).filter(|(_, whole)| shared.begin(tests.view, *whole));
         let hiding = hides.map(|(footprints, _)| PartTests {
             view: tests.view,
             settings: tests.settings,
             footprints,
         });
-        let depth = &self.depth;
+        let depth = &shared;
         let hiding = hiding.as_ref().map(|tests| (depth, tests));
         let mut band: Vec<WantedPage> = first.into_iter().collect();
         let mut all: Vec<FoundPage> = Vec::new();
@@ -233,7 +268,7 @@ impl PageCutSelector {
             let mut found: Vec<FoundPage> = Vec::new();
             for own in band.drain(..) {
                 match pages.page(own.entry.id) {
-                    Some(page) => found.push(FoundPage::new(own, page)),
+                    Some(page) => found.push(FoundPage::new(own, page, self.spare_verdict())),
                     None => out.wanted.push(own),
                 }
             }
@@ -256,28 +291,31 @@ impl PageCutSelector {
             }
         }
         if let Some((depth, tests)) = hiding {
-            let work = || all.iter().filter_map(|own| own.verdict.marks.as_ref());
-            threads::share(&mut self.workers, work(), |_, marks| {
-                depth.repair(tests, marks)
+            let work = all.iter().filter(|own| own.verdict.is_marked);
+            threads::share(&mut self.workers, work, |_, own| {
+                depth.repair(tests, &own.verdict.marks);
             });
-            let work = all.iter_mut().filter(|own| own.verdict.marks.is_some());
+            let work = all.iter_mut().filter(|own| own.verdict.is_marked);
             threads::share(&mut self.workers, work, |_, own| {
                 let PageVerdict { cut, marks, .. } = &mut own.verdict;
-                if let Some(marks) = marks {
-                    depth.finish(tests, &mut cut.rest, marks);
-                }
+                depth.finish(tests, &mut cut.rest, marks);
             });
         }
         for own in all {
             let FoundPage {
-                id, page, verdict, ..
+                id,
+                page,
+                mut verdict,
+                ..
             } = own;
-            let cut = verdict.cut;
-            out.stats.add(&cut.rest.stats);
-            if cut.primitives() > 0 {
+            out.stats.add(&verdict.cut.rest.stats);
+            if verdict.cut.primitives() > 0 {
+                let cut = std::mem::take(&mut verdict.cut);
                 out.parts.push(PagePart { id, page, cut });
             }
+            self.spare.push(verdict);
         }
+        self.depth = shared;
         out.wanted.sort_by(|a, b| {
             b.size_px
                 .total_cmp(&a.size_px)
@@ -297,12 +335,12 @@ struct FoundPage {
 }
 
 impl FoundPage {
-    fn new(wanted: WantedPage, page: Arc<DecodedPage>) -> Self {
+    fn new(wanted: WantedPage, page: Arc<DecodedPage>, verdict: PageVerdict) -> Self {
         Self {
             id: wanted.entry.id,
             size_px: wanted.size_px,
             page,
-            verdict: PageVerdict::default(),
+            verdict,
         }
     }
 
@@ -337,6 +375,7 @@ fn look_at(
     let PageVerdict {
         cut,
         marks,
+        is_marked,
         open,
         large,
     } = verdict;
@@ -344,10 +383,11 @@ fn look_at(
         if hiding.is_some_and(|(depth, tests)| depth.hides(tests, WholeSphere::of(&page.model))) {
             return;
         }
+        *is_marked = hiding.is_some();
         let hiding = hiding.map(|(depth, tests)| PageHiding {
             depth,
             tests,
-            marks: marks.insert(PartMarks::default()),
+            marks,
         });
         let asked = PageQuestion {
             id: *id,
@@ -369,10 +409,11 @@ fn look_at(
     let cut = &mut cut.rest;
     cut.leaves.clear();
     cut.triangles.clear();
-    let mut all = PatchCut::default();
+    let mut all = std::mem::take(&mut selectors.both_sides);
+    all.clear();
     choose(selectors, asked(true), &mut all);
     let tester = NodeTester::new(&page.model, view, settings);
-    for leaf in all.rest.leaves {
+    for &leaf in &all.rest.leaves {
         let sphere = page.model.tree.leaves[leaf as usize];
         let cone = below.cones[leaf as usize];
         let faces_away = settings.cull_back
@@ -395,6 +436,7 @@ fn look_at(
             open.push(OpenPage { index, wanted });
         }
     }
+    selectors.both_sides = all;
 }
 
 #[cfg(test)]

@@ -56,7 +56,8 @@ impl PatchRefusals {
 }
 
 impl PatchCut {
-    fn clear(&mut self) {
+    /// Empties it and keeps its memory.
+    pub(crate) fn clear(&mut self) {
         self.patches.clear();
         self.tiny.clear();
         self.rest.clear();

@@ -366,6 +366,7 @@ impl PagedModel {
                 .filter(|_| rules.is_none())
                 .map(|footprints| (footprints, whole)),
         };
+        self.selector.recycle(std::mem::take(&mut self.cut));
         self.cut = self.selector.select(self.file.root(), &self.cache, tests);
         self.cache.begin_frame(&self.cut.needed);
         // What stands for pages that are missing has its own sizes.
