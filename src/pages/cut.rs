@@ -46,7 +46,7 @@ pub struct WantedPage {
 pub struct NeededPage {
     /// The page's number.
     pub id: u32,
-    /// How wide its root is on the screen, as of [`WantedPage`].
+    /// Width of its root on the screen, as of [`WantedPage`].
     pub size_px: f32,
 }
 
@@ -239,6 +239,24 @@ impl PageCutSelector {
         verdict
     }
 
+    /// Leaves out of all pages what any of them hides.
+    fn leave_out_hidden(
+        &mut self,
+        depth: &SharedDepth,
+        tests: &PartTests<'_>,
+        all: &mut [FoundPage],
+    ) {
+        let work = all.iter().filter(|own| own.verdict.is_marked);
+        threads::share(&mut self.workers, work, |_, own| {
+            depth.repair(tests, &own.verdict.marks);
+        });
+        let work = all.iter_mut().filter(|own| own.verdict.is_marked);
+        threads::share(&mut self.workers, work, |_, own| {
+            let PageVerdict { cut, marks, .. } = &mut own.verdict;
+            depth.finish(tests, &mut cut.rest, marks);
+        });
+    }
+
     /// The cut over the pages below `root`, all of them in model space ([`DecodedPage::in_model_space`]). Where nothing is
     /// in memory it draws nothing and wants the first page.
     pub fn select(
@@ -291,15 +309,7 @@ impl PageCutSelector {
             }
         }
         if let Some((depth, tests)) = hiding {
-            let work = all.iter().filter(|own| own.verdict.is_marked);
-            threads::share(&mut self.workers, work, |_, own| {
-                depth.repair(tests, &own.verdict.marks);
-            });
-            let work = all.iter_mut().filter(|own| own.verdict.is_marked);
-            threads::share(&mut self.workers, work, |_, own| {
-                let PageVerdict { cut, marks, .. } = &mut own.verdict;
-                depth.finish(tests, &mut cut.rest, marks);
-            });
+            self.leave_out_hidden(depth, tests, &mut all);
         }
         for own in all {
             let FoundPage {
@@ -354,6 +364,35 @@ impl FoundPage {
     }
 }
 
+/// Cuts a page with leaves of the model.
+fn look_at_leaves(
+    selectors: &mut PageSelectors,
+    own: &mut FoundPage,
+    tests: PageTests<'_>,
+    hiding: Option<(&SharedDepth, &PartTests<'_>)>,
+) {
+    let FoundPage {
+        id, page, verdict, ..
+    } = own;
+    if hiding.is_some_and(|(depth, tests)| depth.hides(tests, WholeSphere::of(&page.model))) {
+        return;
+    }
+    verdict.is_marked = hiding.is_some();
+    let marks = &mut verdict.marks;
+    let hiding = hiding.map(|(depth, tests)| PageHiding {
+        depth,
+        tests,
+        marks,
+    });
+    let asked = PageQuestion {
+        id: *id,
+        page,
+        keeps_back: false,
+        hiding,
+    };
+    (tests.choose)(selectors, asked, &mut verdict.cut);
+}
+
 /// Cuts one page. Its leaves that are drawn are in the cut; those to be opened are named.
 ///
 /// Nodes of an upper page are replaced where pages below it are in memory, so that they hide nothing.
@@ -373,30 +412,10 @@ fn look_at(
         id, page, verdict, ..
     } = own;
     let PageVerdict {
-        cut,
-        marks,
-        is_marked,
-        open,
-        large,
+        cut, open, large, ..
     } = verdict;
     let Some(below) = &page.children else {
-        if hiding.is_some_and(|(depth, tests)| depth.hides(tests, WholeSphere::of(&page.model))) {
-            return;
-        }
-        *is_marked = hiding.is_some();
-        let hiding = hiding.map(|(depth, tests)| PageHiding {
-            depth,
-            tests,
-            marks,
-        });
-        let asked = PageQuestion {
-            id: *id,
-            page,
-            keeps_back: false,
-            hiding,
-        };
-        choose(selectors, asked, cut);
-        return;
+        return look_at_leaves(selectors, own, tests, hiding);
     };
     let asked = |keeps_back| PageQuestion {
         id: *id,

@@ -40,7 +40,7 @@ pub struct LoadedPage {
     pub id: u32,
     /// The page.
     pub page: Arc<DecodedPage>,
-    /// How wide its root was on the screen when it was wanted, pixels.
+    /// Width of its root on the screen when it was wanted, pixels.
     pub size_px: f32,
 }
 

@@ -38,6 +38,7 @@ pub use smooth::smooth_threshold;
 #[cfg(feature = "viewer")]
 pub(crate) use smooth::{LEAST_SAMPLES, SMOOTH_DIFFERENCE};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Place where pictures are made.
 #[derive(Debug, Clone)]
@@ -326,10 +327,10 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// Draws a frame and waits until it is finished.
+    /// Draws a frame and waits until it is finished. The cut over pages, and the wait for those that are missing, count as cut.
     ///
     /// # Errors
-    /// As [`VulkanRenderer::draw`].
+    /// Those of [`VulkanRenderer::draw`].
     pub fn draw(&mut self, view: &View, settings: &Settings) -> Result<FrameTimes, Error> {
         // What no backend can draw is refused before one is looked for.
         if self.device.is_none() {
@@ -339,10 +340,17 @@ impl<'m> Engine<'m> {
             .available()
             .choose(settings, self.outputs, [view.width, view.height])?;
         self.last = Some(backend);
+        let start = Instant::now();
         let settings = &self.prepare_pages(view, settings)?;
-        self.with_frame(backend, view, settings, |pictures, frame| {
+        let prepared_ms = start.elapsed().as_secs_f64() * 1e3;
+        let mut times = self.with_frame(backend, view, settings, |pictures, frame| {
             pictures.draw(frame)
-        })
+        })?;
+        if self.models.iter().any(|model| model.pages.is_some()) {
+            times.cut_ms += prepared_ms;
+            times.frame_ms += prepared_ms;
+        }
+        Ok(times)
     }
 
     /// The backend of a kind. The choice is among those that are there ([`Engine::available`]).

@@ -18,6 +18,7 @@ mod keep;
 mod kind;
 mod moments;
 mod moved;
+mod nearest_points;
 mod neighborhood;
 mod node;
 mod node_colors;

@@ -1,5 +1,6 @@
 //! Distance of each point of a cloud to its neighbors, found through the tree's own order.
 
+use super::nearest_points::{NearestPoints, NeighborSearch, boxes};
 use super::neighborhood::{NeighborPlane, plane_of};
 use super::shape::TreeShape;
 use glam::Vec3;
@@ -8,9 +9,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The radius of a point is the distance to the neighbor of this rank (QSplat, section 2.2, leaves the number open).
 pub(super) const NEIGHBORS: usize = 6;
-
-/// Neighbors by which it is told whether there is a surface, and how it lies: of six any few can be in a plane by chance.
-const LOOKED_AT: usize = 12;
 
 /// A point that stands apart, off the surface of a scan, is far from all others. Its radius is at most this many times the
 /// median of its neighbors' radii, so that it is a dot and no box. Where a cloud is sparse its neighbors are as far apart
@@ -63,68 +61,6 @@ struct PointSpacing {
 /// Neighbors in the order of the tree among which a point must stand out before its nearest are looked for again.
 const AROUND: usize = 64;
 
-/// An axis-aligned box.
-#[derive(Clone, Copy)]
-struct SpacingBounds {
-    min: Vec3,
-    max: Vec3,
-}
-
-impl SpacingBounds {
-    fn distance_squared(&self, p: Vec3) -> f32 {
-        (self.min - p)
-            .max(p - self.max)
-            .max(Vec3::ZERO)
-            .length_squared()
-    }
-
-    fn is_point(&self) -> bool {
-        self.min == self.max
-    }
-}
-
-/// The nearest neighbors found so far, at different places: coincident points count once, and the point itself never.
-struct NearestPoints {
-    at: Vec3,
-    found: [(f32, Vec3); LOOKED_AT],
-    /// Which points they are, or one of those in the place.
-    indices: [u32; LOOKED_AT],
-    count: usize,
-}
-
-impl NearestPoints {
-    fn worst(&self) -> f32 {
-        if self.count < LOOKED_AT {
-            f32::INFINITY
-        } else {
-            self.found[LOOKED_AT - 1].0
-        }
-    }
-
-    #[inline]
-    fn offer(&mut self, p: Vec3, index: u32) {
-        let distance = p.distance_squared(self.at);
-        if distance < self.worst() {
-            self.insert(distance, p, index);
-        }
-    }
-
-    fn insert(&mut self, distance: f32, p: Vec3, index: u32) {
-        if p == self.at || self.found[..self.count].iter().any(|&(_, q)| q == p) {
-            return;
-        }
-        let mut place = self.count.min(LOOKED_AT - 1);
-        self.count = (self.count + 1).min(LOOKED_AT);
-        while place > 0 && self.found[place - 1].0 > distance {
-            self.found[place] = self.found[place - 1];
-            self.indices[place] = self.indices[place - 1];
-            place -= 1;
-        }
-        self.found[place] = (distance, p);
-        self.indices[place] = index;
-    }
-}
-
 /// For each of `points`, in tree order, a radius: the distance to its sixth nearest other place; to the farthest one if there
 /// are fewer places, 0 if there is none; less where a point stands apart ([`MOST_OF_NEIGHBORS`]). Where its neighbors make no
 /// surface it is less too ([`plane_of`]), at most the median of those around and little more than that of all with a surface
@@ -141,9 +77,11 @@ pub(super) fn measure(
 ) -> CloudSpacing {
     let boxes = boxes(shape, points);
     let search = SpacingSearch {
-        shape,
-        points,
-        boxes: &boxes,
+        nearest: NeighborSearch {
+            shape,
+            points,
+            boxes: &boxes,
+        },
         given: match cloud_normals {
             CloudNormals::Given(normals) => normals,
             CloudNormals::Wanted | CloudNormals::Unwanted => &[],
@@ -152,29 +90,30 @@ pub(super) fn measure(
     let with_normals = matches!(cloud_normals, CloudNormals::Wanted);
     let mut spacings = vec![PointSpacing::default(); points.len()];
     let mut normals = vec![Vec3::ZERO; if with_normals { points.len() } else { 0 }];
-    let chunk = (points.len() / 2048).max(4096);
-    // One empty list for each chunk where there are no normals.
-    let of_normals: Vec<&mut [Vec3]> = match with_normals {
-        true => normals.chunks_mut(chunk).collect(),
-        false => points.chunks(chunk).map(|_| Default::default()).collect(),
-    };
-    spacings
-        .par_chunks_mut(chunk)
-        .zip(of_normals)
-        .enumerate()
-        .for_each(|(index, (spacings, normals))| {
-            if stop.load(Ordering::Relaxed) {
-                return;
+    let blocks = search.nearest.blocks();
+    let mut work = Vec::with_capacity(blocks.len());
+    let (mut rest, mut rest_of_normals) = (&mut spacings[..], &mut normals[..]);
+    for block in blocks {
+        let (own, after) = rest.split_at_mut(block.points.len());
+        let count = if with_normals { own.len() } else { 0 };
+        let (own_normals, normals_after) = rest_of_normals.split_at_mut(count);
+        work.push((block, own, own_normals));
+        (rest, rest_of_normals) = (after, normals_after);
+    }
+    work.into_par_iter().for_each(|(block, spacings, normals)| {
+        if stop.load(Ordering::Relaxed) {
+            return;
+        }
+        let first = block.points.start;
+        search.nearest.of_block(&block, &mut |index, nearest| {
+            let (found, plane) = search.spacing(index, nearest);
+            spacings[(index - first) as usize] = found;
+            if let Some(normal) = normals.get_mut((index - first) as usize) {
+                *normal = plane.normal;
             }
-            for (offset, spacing) in spacings.iter_mut().enumerate() {
-                let (found, plane) = search.spacing((index * chunk + offset) as u32);
-                *spacing = found;
-                if let Some(normal) = normals.get_mut(offset) {
-                    *normal = plane.normal;
-                }
-            }
-            done(spacings.len() as u64);
         });
+        done(spacings.len() as u64);
+    });
     let most = most_without_surface(&spacings);
     let limited: Vec<(u32, f32)> = spacings
         .par_chunks(AROUND)
@@ -215,44 +154,8 @@ fn median(values: &mut [f32]) -> f32 {
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
-/// Boxes of all nodes, by level.
-fn boxes(shape: &TreeShape, points: &[Vec3]) -> Vec<Vec<SpacingBounds>> {
-    let mut levels: Vec<Vec<SpacingBounds>> = Vec::new();
-    for level in shape.levels.iter().rev() {
-        let below = levels.last();
-        let of_children = |pair: &[u32]| {
-            let range = pair[0] as usize..pair[1] as usize;
-            let mut bounds = SpacingBounds {
-                min: Vec3::INFINITY,
-                max: Vec3::NEG_INFINITY,
-            };
-            for child in range {
-                let (min, max) = match below {
-                    Some(below) => (below[child].min, below[child].max),
-                    None => (points[child], points[child]),
-                };
-                bounds.min = bounds.min.min(min);
-                bounds.max = bounds.max.max(max);
-            }
-            bounds
-        };
-        levels.push(
-            level
-                .child_starts
-                .par_windows(2)
-                .with_min_len(1024)
-                .map(of_children)
-                .collect(),
-        );
-    }
-    levels.reverse();
-    levels
-}
-
 struct SpacingSearch<'a> {
-    shape: &'a TreeShape,
-    points: &'a [Vec3],
-    boxes: &'a [Vec<SpacingBounds>],
+    nearest: NeighborSearch<'a>,
     /// Normals from the file, or none.
     given: &'a [Vec3],
 }
@@ -286,10 +189,9 @@ impl SpacingSearch<'_> {
                     if radius <= MOST_OF_NEIGHBORS * around {
                         return None;
                     }
-                    let nearest = self.nearest(index);
-                    let mut theirs: Vec<f32> = nearest.indices[..nearest.count.min(NEIGHBORS)]
-                        .iter()
-                        .map(|&neighbor| spacings[neighbor as usize].radius)
+                    let nearest = self.nearest.of_point(index);
+                    let mut theirs: Vec<f32> = (nearest.indices().take(NEIGHBORS))
+                        .map(|neighbor| spacings[neighbor as usize].radius)
                         .collect();
                     let most = MOST_OF_NEIGHBORS * median(&mut theirs).min(MOST_AROUND * around);
                     (radius > most).then_some((index, most))
@@ -298,18 +200,17 @@ impl SpacingSearch<'_> {
             .collect()
     }
 
-    fn spacing(&self, index: u32) -> (PointSpacing, NeighborPlane) {
-        let nearest = self.nearest(index);
-        let around = nearest.found[..nearest.count].iter();
-        let mut plane = plane_of(around.map(|&(_, p)| p - nearest.at));
-        let is_rim = plane.share < 1.0 && !plane.is_line && self.agrees_with(&nearest, index);
+    fn spacing(&self, index: u32, nearest: &NearestPoints) -> (PointSpacing, NeighborPlane) {
+        let points = self.nearest.points;
+        let around = nearest.indices().map(|own| points[own as usize]);
+        let mut plane = plane_of(around.map(|p| p - nearest.at));
+        let is_rim = plane.share < 1.0 && !plane.is_line && self.agrees_with(nearest, index);
         if is_rim {
             plane.share = plane.share.max(SHARE_OF_RIM);
         }
-        let counted = &nearest.found[..nearest.count.min(NEIGHBORS)];
-        let farthest = counted.last().map_or(0.0, |own| own.0);
+        let farthest = nearest.distances_squared().take(NEIGHBORS).last();
         let spacing = PointSpacing {
-            radius: farthest.sqrt() * plane.share,
+            radius: farthest.unwrap_or(0.0).sqrt() * plane.share,
             is_scattered: plane.share < 1.0 && !is_rim,
         };
         (spacing, plane)
@@ -320,61 +221,16 @@ impl SpacingSearch<'_> {
         let Some(own) = self.given.get(index as usize) else {
             return false;
         };
-        let around = &nearest.indices[..nearest.count];
-        let agree = around
-            .iter()
-            .filter(|&&i| self.given[i as usize].dot(*own) > LEAST_AGREEMENT);
-        agree.count() * 2 >= nearest.count
-    }
-
-    fn nearest(&self, index: u32) -> NearestPoints {
-        let at = self.points[index as usize];
-        let mut nearest = NearestPoints {
-            at,
-            found: [(0.0, Vec3::ZERO); LOOKED_AT],
-            indices: [0; LOOKED_AT],
-            count: 0,
-        };
-        // Upward from the point: at each ancestor, whatever lies beside the path. The first few find close neighbors, and
-        // almost all that comes later is dropped by its box.
-        let mut child = index;
-        for level in (0..self.shape.levels.len()).rev() {
-            let starts = &self.shape.levels[level].child_starts;
-            let parent = starts.partition_point(|&start| start <= child) - 1;
-            for sibling in starts[parent]..starts[parent + 1] {
-                if sibling != child {
-                    self.visit(level + 1, sibling, &mut nearest);
-                }
-            }
-            child = parent as u32;
-        }
-        nearest
-    }
-
-    fn visit(&self, level: usize, index: u32, nearest: &mut NearestPoints) {
-        let Some(boxes) = self.boxes.get(level) else {
-            nearest.offer(self.points[index as usize], index);
-            return;
-        };
-        let bounds = &boxes[index as usize];
-        if bounds.is_point() {
-            // However many points: one place.
-            nearest.offer(bounds.min, self.shape.leaf_start(level, index));
-            return;
-        }
-        if bounds.distance_squared(nearest.at) >= nearest.worst() {
-            return;
-        }
-        let starts = &self.shape.levels[level].child_starts;
-        for child in starts[index as usize]..starts[index as usize + 1] {
-            self.visit(level + 1, child, nearest);
-        }
+        let agree =
+            (nearest.indices()).filter(|&i| self.given[i as usize].dot(*own) > LEAST_AGREEMENT);
+        agree.count() * 2 >= nearest.count()
     }
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
+    use super::super::nearest_points::LOOKED_AT;
     use super::*;
 
     fn measured(count: u32, points: &[Vec3]) -> Vec<f32> {
