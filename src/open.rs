@@ -289,6 +289,9 @@ pub fn open_with_preview(
     };
     let mut warnings = found.warnings;
     let mut model = model;
+    if found.format == SourceFormat::Photographs {
+        model.frame_within(tree::FAR_OF_SPARSE);
+    }
     if options.frame_all {
         model.framed = None;
     }

@@ -508,7 +508,7 @@ fn a_photograph_laid_over_the_picture_is_as_it_is() {
 }
 
 #[test]
-fn the_choice_is_the_same_twice_and_stays_while_it_is_nearly_as_good() {
+fn the_choice_is_the_same_with_any_threads_and_stays_while_it_is_nearly_as_good() {
     let folder = tempfile::tempdir().unwrap();
     let (model, scene) = (walls(), painted_scene(folder.path()));
     let mut stage = staged(&scene, &model, 4096);
@@ -538,6 +538,13 @@ fn the_choice_is_the_same_twice_and_stays_while_it_is_nearly_as_good() {
         let view = pose(&camera, &model);
         let fresh = chosen(&view, &[]);
         assert_eq!(fresh, chosen(&view, &[]));
+        if step % 8 == 0 {
+            for threads in [1, 2, 5] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+                let own = pool.build().unwrap().install(|| chosen(&view, &[]));
+                assert_eq!(fresh, own, "{threads} threads");
+            }
+        }
         let own = chosen(&view, &last);
         changes += usize::from(step > 0 && own != last);
         fresh_changes += usize::from(before.is_some_and(|before| before != fresh));

@@ -153,6 +153,7 @@ Examples:
   surfel scenes                                      small scenes that methods fail at
   surfel profile scan.ply --frames 120               what each pass and stage of a frame costs
   surfel motion scan.ply --threshold 3               how much flickers and pops when the camera moves
+  surfel photos castle                               photographs on their scene's points, in a window
   surfel photos score castle --mesh castle/mesh.ply  photographs on a mesh, each predicted from the others
   surfel stability -o failures                       where the methods fail, measured: a table with pictures
   surfel chart scan.ply -o chart --quick             time against error of every method, as a chart and a page
@@ -236,7 +237,7 @@ enum ProgramCommand {
     Motion(Box<motion::MotionArgs>),
     /// Measure nodes drawn as one polygon where their error is small
     Patches(Box<patches::PatchesArgs>),
-    /// Photographs on a mesh: draw it with them, or predict each from the others
+    /// Photographs on a mesh or their points: look, draw, predict each from the others
     Photos(Box<photos::PhotosArgs>),
     /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
     Stability(stability::StabilityArgs),
@@ -266,28 +267,37 @@ enum ProgramCommand {
     Soak(soak::SoakArgs),
 }
 
+/// The argument of a window that stands before a command, in words.
+fn stray_argument(command: &clap::Command, matches: &clap::ArgMatches) -> Option<String> {
+    let (name, own) = matches.subcommand()?;
+    let is_given = |arg: &&clap::Arg| {
+        matches.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine)
+    };
+    let mut arguments = command.get_arguments().filter(|arg| !arg.is_global_set());
+    match arguments.find(is_given) {
+        Some(arg) => Some(format!("'{arg}' does not go with the command '{name}'")),
+        None => stray_argument(command.find_subcommand(name)?, own),
+    }
+}
+
 /// Parses the arguments. Those of the window do not go with a command; those of every command may stand before it
 /// (`args_conflicts_with_subcommands` would refuse these as well).
 fn parse() -> Result<CommandLine, clap::Error> {
     let mut command = CommandLine::command();
     let matches =
         command.try_get_matches_from_mut(renamed::in_words(std::env::args_os().collect()))?;
-    let is_given = |arg: &&clap::Arg| {
-        matches.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine)
-    };
-    let stray = command
-        .get_arguments()
-        .filter(|arg| !arg.is_global_set())
-        .find(is_given)
-        .map(ToString::to_string);
-    if let (Some(name), Some(arg)) = (matches.subcommand_name(), stray) {
-        let text = format!("'{arg}' does not go with the command '{name}'");
+    if let Some(text) = stray_argument(&command, &matches) {
         return Err(command.error(ErrorKind::ArgumentConflict, text));
     }
     let cli = CommandLine::from_arg_matches(&matches).map_err(|error| error.format(&mut command));
     #[cfg(feature = "viewer")]
     let cli = cli.map(|mut cli| {
         cli.view.note_given(&matches);
+        if let (Some(ProgramCommand::Photos(photos)), Some((_, own))) =
+            (&mut cli.command, matches.subcommand())
+        {
+            photos.view.note_given(own);
+        }
         cli
     });
     cli

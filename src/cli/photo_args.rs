@@ -8,7 +8,7 @@ use std::time::Instant;
 use surfel::OpenedModel;
 use surfel::math::camera::{Camera, View};
 use surfel::open::UpGuess;
-use surfel::open::photo_scene::is_photo_scene;
+use surfel::open::photo_scene::{has_photographs, without_photographs};
 use surfel::photos::formats::read_scene;
 use surfel::photos::look::LookSettings;
 use surfel::photos::scene::PhotoScene;
@@ -52,21 +52,17 @@ impl PhotoArgs {
 
     /// Puts the photographs of a scene on its own points, where the model is one, unless others are named.
     pub(crate) fn take_own_of(&mut self, model: &Path) {
-        if self.photos.is_some() || !is_photo_scene(model) {
+        if self.photos.is_some() {
             return;
         }
-        // A fault in it is told where it is opened.
-        let Ok(scene) = read_scene(model, self.photo_folder.as_deref()) else {
-            return;
-        };
-        if scene.photos.iter().any(|photo| photo.file.is_some()) {
-            self.photos = Some(model.to_owned());
-        } else {
-            say(&format!(
-                "surfel: {}: none of its photographs is there; its points are shown in their own colors (--photos {} --photo-folder FOLDER)",
-                model.display(),
+        match has_photographs(model, self.photo_folder.as_deref()) {
+            None => {}
+            Some(true) => self.photos = Some(model.to_owned()),
+            Some(false) => say(&format!(
+                "surfel: {} (--photos {} --photo-folder FOLDER)",
+                without_photographs(model),
                 model.display()
-            ));
+            )),
         }
     }
 

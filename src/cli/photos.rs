@@ -22,14 +22,47 @@ use surfel::photos::surface::{SurfaceDrawer, calibrated_camera};
 use surfel::photos::walk::{PhotoWalk, WalkFigures, WalkStep, walk_cameras, walk_csv};
 use surfel::tree::Model;
 
-/// Photographs on a mesh: draw it with them, or measure how well they predict one that is left out.
+/// Examples of what is built in.
+fn after_help() -> String {
+    let of_window = "  surfel photos castle                 look at a scene in a window: its points with photographs\n  surfel photos castle --mesh castle/mesh.ply\n";
+    let of_window = if cfg!(feature = "viewer") {
+        of_window
+    } else {
+        ""
+    };
+    format!(
+        "Examples:\n{of_window}  surfel photos score castle --mesh castle/mesh.ply -o scores\n  surfel photos render castle --mesh castle/mesh.ply --camera-of 3 --leave-out -o picture.png\n  surfel photos walk castle --mesh castle/mesh.ply -o walk.svg\n  surfel info castle                   cameras, and whether their conventions are right"
+    )
+}
+
+/// Photographs on a mesh or on their own points: look at them in a window, draw, or measure how well they predict one that is
+/// left out.
 #[derive(Debug, clap::Args)]
+#[cfg_attr(
+    feature = "viewer",
+    command(
+        override_usage = "surfel photos [OPTIONS] SCENE\n       surfel photos <COMMAND>",
+        mut_arg("model", |arg| arg
+            .value_name("SCENE")
+            .help("Scene of photographs to look at in a window: a file or folder, as of the commands")),
+        mut_arg("more", |arg| arg.hide(true))
+    )
+)]
 #[command(
-    after_help = "Examples:\n  surfel photos score castle --mesh castle/mesh.ply -o scores\n  surfel photos render castle --mesh castle/mesh.ply --camera-of 3 --leave-out -o picture.png\n  surfel photos walk castle --mesh castle/mesh.ply -o walk.svg\n  surfel info castle                   cameras, and whether their conventions are right"
+    arg_required_else_help = true,
+    subcommand_negates_reqs = true,
+    after_help = after_help()
 )]
 pub(crate) struct PhotosArgs {
     #[command(subcommand)]
-    command: PhotosCommand,
+    command: Option<PhotosCommand>,
+    /// Look at photographs on this mesh, in the frame of their cameras [default: on the points of the scene]
+    #[cfg(feature = "viewer")]
+    #[arg(long, value_name = "MODEL")]
+    mesh: Option<PathBuf>,
+    #[cfg(feature = "viewer")]
+    #[command(flatten, next_help_heading = "Options of the window")]
+    pub(super) view: super::view::ViewArgs,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -142,9 +175,13 @@ impl From<PhotoError> for CommandFailure {
 
 pub(crate) fn run(args: PhotosArgs, quiet: bool) -> Outcome {
     match args.command {
-        PhotosCommand::Score(args) => score(args, quiet),
-        PhotosCommand::Render(args) => render(args, quiet),
-        PhotosCommand::Walk(args) => walk(args, quiet),
+        Some(PhotosCommand::Score(args)) => score(args, quiet),
+        Some(PhotosCommand::Render(args)) => render(args, quiet),
+        Some(PhotosCommand::Walk(args)) => walk(args, quiet),
+        #[cfg(feature = "viewer")]
+        None => super::view::run(args.view.of_scene(args.mesh)?, quiet),
+        #[cfg(not(feature = "viewer"))]
+        None => Err(usage("no command; see surfel photos --help")),
     }
 }
 

@@ -11,6 +11,7 @@ use super::source::{ColorArgs, KeepArgs, PageArgs, SurfaceArgs, ViewFraming, ope
 use super::{CommandFailure, Outcome, print, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
+use surfel::photos::formats::locate_scene;
 use surfel::viewer::control::FrameGoal;
 use surfel::viewer::{
     self, InjectedFaults, PhotographOptions, RestSmoothing, ViewerOptions, store,
@@ -160,6 +161,29 @@ impl ViewArgs {
             matches.value_source(arg.get_id().as_str())
                 == Some(clap::parser::ValueSource::CommandLine)
         });
+    }
+}
+
+impl ViewArgs {
+    /// Takes the model for a scene of photographs, which are put on a mesh, or on its own points.
+    pub(crate) fn of_scene(mut self, mesh: Option<PathBuf>) -> Result<Self, CommandFailure> {
+        let Some(scene) = self.model.take() else {
+            return Err(usage(
+                "no scene of photographs is named, and no command; see surfel photos --help",
+            ));
+        };
+        if !self.more.is_empty() {
+            return Err(usage("one scene of photographs is shown at a time"));
+        }
+        locate_scene(&scene)?;
+        match mesh {
+            Some(mesh) => {
+                self.photos.photos = Some(scene);
+                self.model = Some(mesh);
+            }
+            None => self.model = Some(scene),
+        }
+        Ok(self)
     }
 }
 

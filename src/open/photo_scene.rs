@@ -19,6 +19,22 @@ pub fn is_photo_scene(path: &Path) -> bool {
     locate_scene(path).is_ok()
 }
 
+/// Tells whether a scene has photographs that are there, beside it or in a folder; `None` of what is no scene or has a fault,
+/// which is told where it is opened.
+pub fn has_photographs(path: &Path, folder: Option<&Path>) -> Option<bool> {
+    locate_scene(path).ok()?;
+    let scene = read_scene(path, folder).ok()?;
+    Some(scene.photos.iter().any(|photo| photo.file.is_some()))
+}
+
+/// Says that a scene has no photographs.
+pub fn without_photographs(path: &Path) -> String {
+    format!(
+        "{}: none of its photographs is there; its points are shown in their own colors",
+        path.display()
+    )
+}
+
 /// Reads the points of a scene of photographs; `None` of what is no such scene.
 ///
 /// # Errors
@@ -83,6 +99,7 @@ mod tests {
     use super::*;
     use crate::open::{OpenOptions, open};
     use crate::progress::SilentProgress;
+    use crate::tree::Model;
 
     /// A Bundler file with one camera and these points.
     fn bundle(points: &[[f64; 3]]) -> String {
@@ -137,6 +154,30 @@ mod tests {
             x.clone().fold(f64::MIN, f64::max) - x.fold(f64::MAX, f64::min)
         };
         assert!((widest(&far) - widest(model)).abs() < 1e-3);
+    }
+
+    #[test]
+    fn stray_points_are_not_framed() {
+        let mut points: Vec<[f64; 3]> = (0..400)
+            .map(|i| [f64::from(i % 20), f64::from(i / 20), 0.1 * f64::from(i % 3)])
+            .collect();
+        // As far as the strays of Kermit: 3 to 7 half diagonals.
+        points.extend([[45.0, 9.0, 0.0], [-80.0, 30.0, 9.0]]);
+        let model = opened("scene-strays", &bundle(&points)).unwrap().model;
+        let part = model.framed.unwrap();
+        assert_eq!(part.far_vertices, 2);
+        assert!(part.radius < 14.0 && model.orbit_radius > 60.0, "{part:?}");
+        let shown = Model::moved_to(
+            model,
+            DVec3::splat(1.0),
+            &mut PointAttributes::default(),
+            &SilentProgress,
+        );
+        assert_eq!(shown.unwrap().framed.unwrap().far_vertices, 2);
+        // Where none is far, all are framed.
+        points.truncate(400);
+        let model = opened("scene-even", &bundle(&points)).unwrap().model;
+        assert_eq!(model.framed, None);
     }
 
     #[test]

@@ -5,6 +5,8 @@
 //! photographs that look against it. Everything is deterministic: ties go to the lower index.
 
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::collections::BinaryHeap;
 
 /// Number of clusters.
 pub const CLUSTERS: usize = 4;
@@ -241,11 +243,7 @@ pub fn most_worth(worth: &[Vec<f32>], count: usize) -> Vec<usize> {
             if chosen.contains(&photo) {
                 continue;
             }
-            let added: f64 = row
-                .iter()
-                .zip(&best)
-                .map(|(w, b)| f64::from((w - b).max(0.0)))
-                .sum();
+            let added = added_worth(row, 1.0, &best);
             if added > 0.0 && next.is_none_or(|(most, _)| added > most) {
                 next = Some((added, photo));
             }
@@ -255,6 +253,102 @@ pub fn most_worth(worth: &[Vec<f32>], count: usize) -> Vec<usize> {
             *b = b.max(*w);
         }
         chosen.push(photo);
+    }
+    chosen
+}
+
+/// Photographs that are looked at together where it is not known what they are worth.
+const LOOKED_AT: usize = 4;
+
+/// A photograph in the order of what it adds at most.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct AddedWorth {
+    most: f64,
+    photo: usize,
+    /// Photographs that were chosen when that was found.
+    round: usize,
+}
+
+impl Eq for AddedWorth {}
+
+impl Ord for AddedWorth {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        let by_worth = self.most.total_cmp(&other.most);
+        by_worth.then(other.photo.cmp(&self.photo))
+    }
+}
+
+impl PartialOrd for AddedWorth {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// Sum over all places of what a row, times a factor, adds to the best so far.
+fn added_worth(row: &[f32], factor: f32, best: &[f32]) -> f64 {
+    let places = row.iter().zip(best);
+    let added = places.map(|(w, b)| f64::from((factor * w - b).max(0.0)));
+    added.sum()
+}
+
+/// Worth of photographs at places, as far as it is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WorthRows {
+    /// Of each photograph its worth at each place, or the most that it may be.
+    pub rows: Vec<Vec<f32>>,
+    /// Factor of the worth of each photograph.
+    pub factors: Vec<f32>,
+    /// Rows are bounds.
+    pub are_bounds: bool,
+}
+
+/// Finds what [`most_worth`] of rows times factors is, where rows may be bounds and `worth(photo)` gives the row itself, which
+/// costs more: few are looked at (Minoux 1978, lazy evaluation). What a photograph adds only falls as others are chosen, so
+/// whoever adds most by what is known is looked at first. Rows of all that are chosen are right at the end.
+pub fn most_worth_of_bounds(
+    known: &mut WorthRows,
+    count: usize,
+    worth: impl Fn(usize) -> Vec<f32> + Sync,
+) -> Vec<usize> {
+    let WorthRows { rows, factors, .. } = known;
+    let mut best = vec![0.0_f32; rows.first().map_or(0, Vec::len)];
+    let mut is_known = vec![!known.are_bounds; rows.len()];
+    let entry = |photo: usize, row: &[f32], best: &[f32], round: usize| AddedWorth {
+        most: added_worth(row, factors[photo], best),
+        photo,
+        round,
+    };
+    let first = rows.iter().enumerate();
+    let mut waiting: BinaryHeap<AddedWorth> = first
+        .map(|(photo, row)| entry(photo, row, &best, 0))
+        .collect();
+    let mut chosen = Vec::new();
+    while chosen.len() < count {
+        let round = chosen.len();
+        let Some(next) = waiting.pop().filter(|next| next.most > 0.0) else {
+            break;
+        };
+        if next.round < round {
+            waiting.push(entry(next.photo, &rows[next.photo], &best, round));
+        } else if is_known[next.photo] {
+            for (b, w) in best.iter_mut().zip(&rows[next.photo]) {
+                *b = b.max(factors[next.photo] * w);
+            }
+            chosen.push(next.photo);
+        } else {
+            let mut asked = vec![next.photo];
+            while asked.len() < LOOKED_AT
+                && let Some(other) = waiting.peek().filter(|own| !is_known[own.photo])
+            {
+                asked.push(other.photo);
+                waiting.pop();
+            }
+            let found: Vec<Vec<f32>> = asked.par_iter().map(|photo| worth(*photo)).collect();
+            for (photo, row) in asked.into_iter().zip(found) {
+                waiting.push(entry(photo, &row, &best, round));
+                (rows[photo], is_known[photo]) = (row, true);
+            }
+        }
     }
     chosen
 }
@@ -409,5 +503,62 @@ mod tests {
         assert_eq!(most_worth(&worth, 4), [0, 2]);
         assert_eq!(most_worth(&worth, 1), [0]);
         assert!(most_worth(&[], 3).is_empty());
+    }
+
+    #[test]
+    fn bounds_change_no_choice_and_few_are_looked_at() {
+        use std::sync::atomic::{AtomicUsize, Ordering};
+        let chance = |seed: usize| {
+            let mixed = (seed as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f32
+                / (1 << 24) as f32
+        };
+        // Each serves places near its own, some well and some badly, twins alike; the bound is a little more than that.
+        let worth: Vec<Vec<f32>> = (0..120)
+            .map(|photo| {
+                let twins = photo / 2;
+                let strength = 0.93_f32.powi((twins * 17 % 60) as i32);
+                let near = |place: usize| 1.0 / (1.0 + (place as f32 * 0.3 - twins as f32).powi(2));
+                let rough = |place| 0.5 + 0.5 * chance(twins * 777 + place);
+                let at = |place| strength * near(place) * rough(place);
+                (0..200).map(at).collect()
+            })
+            .collect();
+        let factors: Vec<f32> = (0..120)
+            .map(|k| if k % 9 == 4 { 1.15 } else { 1.0 })
+            .collect();
+        let weighted = worth.iter().zip(&factors);
+        let weighted: Vec<Vec<f32>> = weighted
+            .map(|(row, factor)| row.iter().map(|w| factor * w).collect())
+            .collect();
+        for count in [1, 7, 16, 60, 200] {
+            let asked = AtomicUsize::new(0);
+            let more = |row: &Vec<f32>| row.iter().map(|w| (1.3 * w).min(1.0)).collect();
+            let mut known = WorthRows {
+                rows: worth.iter().map(more).collect(),
+                factors: factors.clone(),
+                are_bounds: true,
+            };
+            let chosen = most_worth_of_bounds(&mut known, count, |photo| {
+                asked.fetch_add(1, Ordering::Relaxed);
+                worth[photo].clone()
+            });
+            assert_eq!(chosen, most_worth(&weighted, count), "{count}");
+            assert!(
+                chosen
+                    .iter()
+                    .all(|photo| known.rows[*photo] == worth[*photo])
+            );
+            let asked = asked.into_inner();
+            assert!(asked < 70, "{count}: {asked}");
+        }
+        let mut known = WorthRows {
+            rows: worth.clone(),
+            factors,
+            are_bounds: false,
+        };
+        let unasked = |_: usize| panic!("rows are known");
+        let chosen = most_worth_of_bounds(&mut known, 16, unasked);
+        assert_eq!(chosen, most_worth(&weighted, 16));
     }
 }

@@ -7,11 +7,11 @@
 
 use crate::math::camera::View;
 use crate::math::octahedral;
-use crate::photos::choose::{most_worth, view_direction};
+use crate::photos::choose::{WorthRows, most_worth_of_bounds, view_direction};
 use crate::photos::error::PhotoError;
 use crate::photos::gains::{exposure_gains, exposure_part};
 use crate::photos::library::{load_photo, load_thumbnail};
-use crate::photos::look::{LookSettings, LookView, SurfacePixel, photo_weight};
+use crate::photos::look::{LookSettings, LookView, SurfacePixel, WeightForm, photo_weight};
 use crate::photos::prepared::{PreparedPhoto, used_vertices};
 use crate::photos::projected::ProjectedPhoto;
 use crate::photos::pyramid::PhotoPyramid;
@@ -19,6 +19,7 @@ use crate::photos::scene::PhotoScene;
 use crate::photos::surface::SurfaceDrawer;
 use crate::progress::Progress;
 use crate::projective::frame_photos::{ChosenPhoto, FramePhotos, MOST_PHOTOS};
+use crate::projective::look::most_weight;
 use crate::projective::surface_rays::SurfaceRays;
 use crate::tree::Model;
 use glam::{DVec3, Vec3};
@@ -368,22 +369,27 @@ impl PhotoStage {
             .filter(|i| self.photos[*i].is_some() && is_allowed(*i))
             .collect();
         let places = self.model.places(view, &rays);
-        let worth: Vec<Vec<f32>> = (allowed.par_iter())
-            .map(|index| self.worth(*index, &places, &look_view, settings))
-            .collect();
         let mut chosen: Vec<usize> = (0..allowed.len()).collect();
+        let exact = |own: usize| self.worth(allowed[own], &places, &look_view, settings);
+        // Bounds pay where most are not looked at.
+        let are_bounds = allowed.len() > 2 * self.most;
+        let most = |own: usize| self.most_worth(allowed[own], &places, &look_view, settings);
+        let row = |own: &usize| if are_bounds { most(*own) } else { exact(*own) };
+        let factor = |index: &usize| if last.contains(index) { STAYS } else { 1.0 };
+        let mut worth = WorthRows {
+            rows: chosen.par_iter().map(row).collect(),
+            factors: allowed.iter().map(factor).collect(),
+            are_bounds,
+        };
         if allowed.len() > self.most {
-            let weighted: Vec<Vec<f32>> = (allowed.iter().zip(&worth))
-                .map(|(index, row)| {
-                    let factor = if last.contains(index) { STAYS } else { 1.0 };
-                    row.iter().map(|worth| factor * worth).collect()
-                })
-                .collect();
-            chosen = most_worth(&weighted, self.most);
+            chosen = most_worth_of_bounds(&mut worth, self.most, exact);
             chosen.sort_unstable();
         }
         let of_view = match settings.gains {
-            true => self.gain_of_view(&chosen, &allowed, &worth),
+            true => {
+                let own = |own: &usize| (self.gains[allowed[*own]], worth.rows[*own].as_slice());
+                gain_of_view(chosen.iter().map(own).collect())
+            }
             false => Vec3::ONE,
         };
         let photo = |own: &usize| {
@@ -411,6 +417,26 @@ impl PhotoStage {
         }
     }
 
+    /// Most that a photograph may be worth at places, by directions alone where the form of the weights has such a bound.
+    fn most_worth(
+        &self,
+        index: usize,
+        places: &[SurfacePixel],
+        view: &LookView,
+        settings: &LookSettings,
+    ) -> Vec<f32> {
+        match &self.photos[index] {
+            Some(staged) if settings.form == WeightForm::Quality => {
+                let photo = &staged.prepared.projected;
+                let most = |pixel: &SurfacePixel| {
+                    most_weight(pixel, view.ray_to(pixel.position), photo, settings)
+                };
+                places.iter().map(most).collect()
+            }
+            _ => self.worth(index, places, view, settings),
+        }
+    }
+
     fn worth(
         &self,
         index: usize,
@@ -428,25 +454,25 @@ impl PhotoStage {
             .map(|pixel| photo_weight(pixel, view, &look, settings))
             .collect()
     }
+}
 
-    /// Gain that brings photographs to the exposure of those that serve a view best, so that a photograph's own pose has its
-    /// own exposure, and what is between two photographs has one between theirs.
-    fn gain_of_view(&self, chosen: &[usize], allowed: &[usize], worth: &[Vec<f32>]) -> Vec3 {
-        let places = worth.first().map_or(0, Vec::len);
-        let (mut logs, mut weights) = (DVec3::ZERO, 0.0);
-        (0..places).for_each(|place| {
-            let of = |own: &usize| exposure_part(worth[*own][place]);
-            let all: f64 = chosen.iter().map(of).sum();
-            if all > 0.0 {
-                for own in chosen {
-                    logs += self.gains[allowed[*own]].as_dvec3().map(f64::ln) * (of(own) / all);
-                }
-                weights += 1.0;
+/// Gain that brings photographs to the exposure of those that serve a view best, so that a photograph's own pose has its own
+/// exposure, and what is between two photographs has one between theirs. Of each its gain, and what it is worth at places.
+fn gain_of_view(photos: Vec<(Vec3, &[f32])>) -> Vec3 {
+    let places = photos.first().map_or(0, |(_, row)| row.len());
+    let (mut logs, mut weights) = (DVec3::ZERO, 0.0);
+    for place in 0..places {
+        let part = |(_, row): &(Vec3, &[f32])| exposure_part(row[place]);
+        let all: f64 = photos.iter().map(part).sum();
+        if all > 0.0 {
+            for own in &photos {
+                logs += own.0.as_dvec3().map(f64::ln) * (part(own) / all);
             }
-        });
-        match weights > 0.0 {
-            true => (logs / weights).map(f64::exp).as_vec3(),
-            false => Vec3::ONE,
+            weights += 1.0;
         }
+    }
+    match weights > 0.0 {
+        true => (logs / weights).map(f64::exp).as_vec3(),
+        false => Vec3::ONE,
     }
 }

@@ -101,7 +101,7 @@ pub struct LookView {
 
 impl LookView {
     /// Unit direction in which a point is seen.
-    fn ray_to(&self, position: Vec3) -> Vec3 {
+    pub(crate) fn ray_to(&self, position: Vec3) -> Vec3 {
         let from_eye = || (position - self.eye).normalize_or_zero();
         self.parallel.unwrap_or_else(from_eye)
     }
@@ -181,8 +181,8 @@ pub fn princ_weight(
     }
 }
 
-/// Greatest weight that a photograph may have at a pixel, by the directions alone.
-fn most_weight(
+/// Greatest weight that a photograph may have at a pixel by the quality form, by the directions alone.
+pub(crate) fn most_weight(
     pixel: &SurfacePixel,
     view_ray: Vec3,
     photo: &ProjectedPhoto,

@@ -487,7 +487,7 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf], options: &BuildOptions) -> Result<Ar
         textures,
         patches: None,
     };
-    model.framed = framed::of(&model);
+    model.frame_within(framed::FAR);
     Ok(ArrangedMesh {
         model,
         normals,

@@ -349,7 +349,7 @@ pub fn read_from(
             "a position that is not finite".to_owned(),
         ));
     }
-    model.framed = framed::of(&model);
+    model.frame_within(framed::FAR);
     Ok(model)
 }
 

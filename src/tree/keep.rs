@@ -113,7 +113,7 @@ impl Model {
             patches: None,
         };
         // Nothing was framed where all was asked for.
-        model.framed = framed::of(&model).filter(|_| self.framed.is_some());
+        model.framed = (self.framed).and_then(|part| framed::within(&model, part.reach));
         model
     }
 }

@@ -42,6 +42,7 @@ pub(crate) use build::PartPlace;
 pub use build::{BuildOptions, PointNormals, SplitRule, build, build_ordered, build_with_radii};
 pub use check::{CheckReport, check, links};
 pub(crate) use closed::ClosedEvidence;
+pub(crate) use framed::FAR_OF_SPARSE;
 pub use framed::FramedPart;
 pub use kind::{ModelKind, OrbitSphere};
 pub use moments::{area_of_point, fill_moments};

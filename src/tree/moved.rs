@@ -1,6 +1,6 @@
 //! Another zero for a model: models that are drawn together share one.
 
-use super::{BuildOptions, Error, Model, build_ordered};
+use super::{BuildOptions, Error, Model, build_ordered, framed};
 use crate::math::octahedral;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
@@ -27,7 +27,7 @@ impl Model {
         if offset == DVec3::ZERO {
             return Ok(self);
         }
-        let (vertices, framed) = (&self.vertices, self.framed);
+        let (vertices, old_part) = (&self.vertices, self.framed);
         let has_normals = vertices.iter().any(|vertex| vertex.color[3] != 0);
         let mesh = Mesh {
             positions: (vertices.par_iter())
@@ -70,7 +70,7 @@ impl Model {
             }
         }
         // Nothing was framed where all was asked for.
-        model.framed = model.framed.filter(|_| framed.is_some());
+        model.framed = old_part.and_then(|part| framed::within(&model, part.reach));
         Ok(model)
     }
 }

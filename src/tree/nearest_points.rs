@@ -29,12 +29,12 @@ const LANES: usize = 8;
 
 /// An axis-aligned box.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct PointBounds {
+pub(super) struct NeighborBounds {
     min: Vec3,
     max: Vec3,
 }
 
-impl PointBounds {
+impl NeighborBounds {
     const NOTHING: Self = Self {
         min: Vec3::INFINITY,
         max: Vec3::NEG_INFINITY,
@@ -60,20 +60,20 @@ impl PointBounds {
 }
 
 /// Boxes of all nodes, by level.
-pub(super) fn boxes(shape: &TreeShape, points: &[Vec3]) -> Vec<Vec<PointBounds>> {
-    let mut levels: Vec<Vec<PointBounds>> = Vec::new();
+pub(super) fn boxes(shape: &TreeShape, points: &[Vec3]) -> Vec<Vec<NeighborBounds>> {
+    let mut levels: Vec<Vec<NeighborBounds>> = Vec::new();
     for level in shape.levels.iter().rev() {
         let below = levels.last();
         let of_children = |pair: &[u32]| {
             let children = pair[0] as usize..pair[1] as usize;
             let bounds = children.map(|child| match below {
                 Some(below) => below[child],
-                None => PointBounds {
+                None => NeighborBounds {
                     min: points[child],
                     max: points[child],
                 },
             });
-            bounds.fold(PointBounds::NOTHING, PointBounds::joined)
+            bounds.fold(NeighborBounds::NOTHING, NeighborBounds::joined)
         };
         levels.push(
             level
@@ -257,7 +257,7 @@ pub(super) struct NeighborSearch<'a> {
     /// The points, in tree order.
     pub(super) points: &'a [Vec3],
     /// [`boxes`] of all nodes.
-    pub(super) boxes: &'a [Vec<PointBounds>],
+    pub(super) boxes: &'a [Vec<NeighborBounds>],
 }
 
 impl NeighborSearch<'_> {
@@ -383,7 +383,7 @@ impl NeighborSearch<'_> {
         &self,
         level: usize,
         index: u32,
-        (bounds, reach): (PointBounds, f32),
+        (bounds, reach): (NeighborBounds, f32),
         gathered: &mut GatheredPoints,
     ) -> bool {
         let own = &self.boxes[level][index as usize];
@@ -438,7 +438,7 @@ impl NeighborSearch<'_> {
             nearest.offer(self.points, self.shape.leaf_start(level, index));
             return;
         }
-        let at = PointBounds {
+        let at = NeighborBounds {
             min: nearest.at,
             max: nearest.at,
         };

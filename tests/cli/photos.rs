@@ -64,6 +64,33 @@ fn a_walk_prints_its_ratio_and_writes_every_step() {
     );
 }
 
+#[cfg(feature = "viewer")]
+#[test]
+fn a_window_of_photographs_takes_a_scene_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    scene(at);
+    for (arguments, words) in [
+        ("photos mesh.ply", "of none of the formats"),
+        ("photos nothing", "there is nothing of that name"),
+        ("photos --mesh mesh.ply", "no scene of photographs is named"),
+        ("photos transforms.json transforms.json", "one scene"),
+        (
+            "photos --panel on score transforms.json --mesh mesh.ply",
+            "does not go with the command 'score'",
+        ),
+    ] {
+        let said = expect(at, 2, arguments).err;
+        assert!(said.contains(words), "{arguments}: {said}");
+    }
+    // What goes with every command may stand before one.
+    expect(
+        at,
+        0,
+        "photos --quiet walk transforms.json --mesh mesh.ply --backend cpu --frames 3 --side 32",
+    );
+}
+
 #[test]
 fn a_profile_has_the_time_of_photographs() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,7 +4,7 @@ use super::draw::camera_of;
 use super::{FileAsk, LONGEST_TICK_S, REST_S, ViewerApp};
 use crate::math::camera::Camera;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
-use crate::photos::formats::locate_scene;
+use crate::open::photo_scene::is_photo_scene;
 use crate::viewer::ViewerError;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::choices::{self, SurfaceNormals};
@@ -106,9 +106,7 @@ impl ViewerApp {
                     "the clipboard holds no camera as Ctrl C or --save-camera writes it: {error}"
                 )),
             },
-            ViewerEvent::Drop(path) if locate_scene(path).is_ok() => {
-                self.open_photographs(path.clone());
-            }
+            ViewerEvent::Drop(path) if is_photo_scene(path) => self.scene_dropped(path.clone()),
             ViewerEvent::Drop(path) => {
                 if path
                     .extension()
@@ -256,6 +254,10 @@ impl ViewerApp {
         self.is_reloading = false;
         self.options.model.clone_from(&path);
         self.options.more.clone_from(&more);
+        self.options.model_is_usual = false;
+        if more.is_empty() {
+            self.take_own_photographs(&path);
+        }
         self.asks.push(FileAsk::Open { path, more });
     }
 
@@ -268,6 +270,7 @@ impl ViewerApp {
         }
         self.notices.clear();
         self.is_reloading = true;
+        self.keep_photographs();
         self.asks.push(FileAsk::Open { path, more });
         true
     }

@@ -4,6 +4,7 @@
 use super::ViewerApp;
 use crate::math::camera::{Camera, View};
 use crate::math::up_axis::UpAxis;
+use crate::open::photo_scene::{has_photographs, without_photographs};
 use crate::photos::look::LookSettings;
 use crate::photos::photo_loader::{PhotoArrival, PhotoLoader, PhotoRequest};
 use crate::photos::scene::{CalibratedCamera, PhotoScene};
@@ -15,7 +16,7 @@ use crate::render::{PhotoDisplay, Settings};
 use crate::viewer::panel::{PhotographRow, PhotographState, PhotographWish};
 use crate::viewer::{ViewerError, text};
 use glam::DVec3;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -158,6 +159,33 @@ impl ViewerApp {
             self.settings.photos = PhotoDisplay::Color;
         }
         self.is_dirty = true;
+    }
+
+    /// Puts the photographs of a scene on the model that somebody opened; where nobody did, the scene is opened itself.
+    pub(super) fn scene_dropped(&mut self, path: PathBuf) {
+        let options = &self.options;
+        let is_first = self.path.as_os_str().is_empty() || self.path == options.model;
+        let is_empty = self.screen.model().is_none() && self.status.is_none();
+        match is_empty || (options.model_is_usual && is_first) {
+            true => self.open(path, Vec::new()),
+            false => self.open_photographs(path),
+        }
+    }
+
+    /// Has the photographs of a scene that is opened put on its points.
+    pub(super) fn take_own_photographs(&mut self, path: &Path) {
+        match has_photographs(path, self.options.photos.folder.as_deref()) {
+            None => {}
+            Some(true) => self.options.photos.scene = Some(path.to_owned()),
+            Some(false) => self.warn(&without_photographs(path)),
+        }
+    }
+
+    /// Has the photographs that are there put on the model that is opened again.
+    pub(super) fn keep_photographs(&mut self) {
+        if let Some(scene) = &self.photographs.scene {
+            self.options.photos.scene = Some(scene.path.clone());
+        }
     }
 
     /// Another model is shown: photographs are put on the first that has come, and on no other.
