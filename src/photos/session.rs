@@ -206,12 +206,11 @@ impl<'m> PhotoSession<'m> {
             let of = |index: &usize| exposure_part(self.worth(*index, pixel, view, settings));
             let worth: Vec<f64> = photos.iter().map(of).collect();
             let all: f64 = worth.iter().sum();
-            if all > 0.0 {
-                for (gain, worth) in gains.iter().zip(worth) {
-                    logs += gain.as_dvec3().map(f64::ln) * (worth / all);
-                }
-                weights += 1.0;
+            // Places that are shown from nearby count most: at a photograph's own pose those that it shows.
+            for (gain, worth) in gains.iter().zip(worth) {
+                logs += gain.as_dvec3().map(f64::ln) * worth;
             }
+            weights += all;
         }
         if weights > 0.0 {
             let of_view = (logs / weights).map(f64::exp).as_vec3();

@@ -464,12 +464,11 @@ fn gain_of_view(photos: Vec<(Vec3, &[f32])>) -> Vec3 {
     for place in 0..places {
         let part = |(_, row): &(Vec3, &[f32])| exposure_part(row[place]);
         let all: f64 = photos.iter().map(part).sum();
-        if all > 0.0 {
-            for own in &photos {
-                logs += own.0.as_dvec3().map(f64::ln) * (part(own) / all);
-            }
-            weights += 1.0;
+        // Places that are shown from nearby count most: at a photograph's own pose those that it shows.
+        for own in &photos {
+            logs += own.0.as_dvec3().map(f64::ln) * part(own);
         }
+        weights += all;
     }
     match weights > 0.0 {
         true => (logs / weights).map(f64::exp).as_vec3(),
