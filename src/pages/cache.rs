@@ -65,8 +65,8 @@ pub struct CacheChange {
 }
 
 /// Pages by number. What was needed least recently goes first, pages with leaves before those that stand for others: these
-/// are few, and without them a view from afar is coarse. What the present frame needs stays, but for pages that are less than
-/// [`LARGER`] times as large on the screen as one that is missing.
+/// are few, and without them a view from afar is coarse. What the present frame needs stays, but for pages at most
+/// half as wide on the screen as one that is missing.
 #[derive(Debug)]
 pub struct PageCache {
     budget: u64,
