@@ -142,7 +142,7 @@ fn code_rows(found: &CodeFindings, row: &mut RowWriter<'_>) {
         "3.2",
         "6 (9 with color)",
         format!("{plain:.2} ({colored:.2})"),
-        "its branching 3.5 has more nodes",
+        "4 or 6 a node, and 4 for each group with grandchildren",
     );
     row(
         "error of centers along an axis, radius of the parent 1",
