@@ -294,7 +294,7 @@ fn added_worth(row: &[f32], factor: f32, best: &[f32]) -> f64 {
 /// Worth of photographs at places, as far as it is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WorthRows {
-    /// Of each photograph its worth at each place, or the most that it may be.
+    /// Worth of each photograph at each place, or the most that it may be.
     pub rows: Vec<Vec<f32>>,
     /// Factor of the worth of each photograph.
     pub factors: Vec<f32>,

@@ -5,7 +5,7 @@
 //! median of log(color in j / color in i) of the n_ij common places. The median does not mind what moved or shines. Factors
 //! are of encoded values: a power of linear light is a factor of these too.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Common places of two photographs below which they say nothing of each other.
@@ -68,6 +68,21 @@ pub(crate) fn exposure_part(worth: f32) -> f64 {
     match worth > 0.0 {
         true => 1.0 / ((1.0 / f64::from(worth) - 1.0).max(0.0) + LEAST_APART),
         false => 0.0,
+    }
+}
+
+/// Gain that brings photographs to the exposure of a view: the mean of their gains, each by its part ([`exposure_part`]) added
+/// up over places of the view; 1 where none has a part. Places that are shown from nearby count most, so that a photograph's
+/// own pose has its own exposure, and what is between two photographs has one between theirs.
+pub(crate) fn gain_of_view(photos: impl Iterator<Item = (Vec3, f64)>) -> Vec3 {
+    let (mut logs, mut parts) = (DVec3::ZERO, 0.0);
+    for (gain, part) in photos {
+        logs += gain.as_dvec3().map(f64::ln) * part;
+        parts += part;
+    }
+    match parts > 0.0 {
+        true => (logs / parts).map(f64::exp).as_vec3(),
+        false => Vec3::ONE,
     }
 }
 
@@ -195,6 +210,20 @@ mod tests {
         }
         assert_eq!(exposure_part(0.0), 0.0);
         assert!(exposure_part(1e-6) < 1e-5);
+    }
+
+    #[test]
+    fn a_pose_has_its_own_exposure_though_others_show_its_borders() {
+        // The own photograph's ray is that of the view at nine places of ten, and it fades at the tenth.
+        let own = 9.0 * exposure_part(1.0) + exposure_part(0.1);
+        let other = 9.0 * exposure_part(0.05) + exposure_part(0.5);
+        let gains = [1.5, 0.8].map(Vec3::splat);
+        let found = gain_of_view(gains.into_iter().zip([own, other]));
+        assert!((found - gains[0]).abs().max_element() < 1e-3, "{found}");
+        // Between two photographs that are as near it is between theirs.
+        let between = gain_of_view(gains.into_iter().zip([own, own]));
+        assert!((between.x - 1.2f32.sqrt()).abs() < 1e-6, "{between}");
+        assert_eq!(gain_of_view(std::iter::once((gains[0], 0.0))), Vec3::ONE);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::photos::choose::{
     cluster_normals, most_worth, nearest_directions, supplementary_photos, view_direction,
 };
 use crate::photos::error::PhotoError;
-use crate::photos::gains::{exposure_gains, exposure_part};
+use crate::photos::gains::{exposure_gains, exposure_part, gain_of_view};
 use crate::photos::library::PhotoLibrary;
 use crate::photos::look::{
     LookPhoto, LookPixel, LookSettings, LookView, PhotoDirection, SurfacePixel, WeightForm,
@@ -190,8 +190,7 @@ impl<'m> PhotoSession<'m> {
         exposure_gains(&photos.iter().map(of).collect::<Vec<_>>())
     }
 
-    /// Gains that bring photographs to the exposure of those that serve a view best, so that a photograph's own pose has its
-    /// own exposure, and what is between two photographs has one between theirs.
+    /// Gains that bring photographs to the exposure of a view ([`gain_of_view`]).
     fn gains_of_view(
         &self,
         surface: &SurfacePicture,
@@ -201,21 +200,14 @@ impl<'m> PhotoSession<'m> {
     ) -> Vec<Vec3> {
         let mut gains = self.gains(photos);
         let places = places_of(surface);
-        let (mut logs, mut weights) = (DVec3::ZERO, 0.0);
-        for pixel in &places {
-            let of = |index: &usize| exposure_part(self.worth(*index, pixel, view, settings));
-            let worth: Vec<f64> = photos.iter().map(of).collect();
-            let all: f64 = worth.iter().sum();
-            // Places that are shown from nearby count most: at a photograph's own pose those that it shows.
-            for (gain, worth) in gains.iter().zip(worth) {
-                logs += gain.as_dvec3().map(f64::ln) * worth;
-            }
-            weights += all;
-        }
-        if weights > 0.0 {
-            let of_view = (logs / weights).map(f64::exp).as_vec3();
-            gains.iter_mut().for_each(|gain| *gain /= of_view);
-        }
+        let part = |index: &usize| -> f64 {
+            let worth = places
+                .iter()
+                .map(|pixel| self.worth(*index, pixel, view, settings));
+            worth.map(exposure_part).sum()
+        };
+        let of_view = gain_of_view(gains.iter().copied().zip(photos.iter().map(part)));
+        gains.iter_mut().for_each(|gain| *gain /= of_view);
         gains
     }
 

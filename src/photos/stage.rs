@@ -9,7 +9,7 @@ use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::photos::choose::{WorthRows, most_worth_of_bounds, view_direction};
 use crate::photos::error::PhotoError;
-use crate::photos::gains::{exposure_gains, exposure_part};
+use crate::photos::gains::{exposure_gains, exposure_part, gain_of_view};
 use crate::photos::library::{load_photo, load_thumbnail};
 use crate::photos::look::{LookSettings, LookView, SurfacePixel, WeightForm, photo_weight};
 use crate::photos::prepared::{PreparedPhoto, used_vertices};
@@ -387,8 +387,12 @@ impl PhotoStage {
         }
         let of_view = match settings.gains {
             true => {
-                let own = |own: &usize| (self.gains[allowed[*own]], worth.rows[*own].as_slice());
-                gain_of_view(chosen.iter().map(own).collect())
+                let part = |own: usize| worth.rows[own].iter().copied().map(exposure_part).sum();
+                gain_of_view(
+                    chosen
+                        .iter()
+                        .map(|&own| (self.gains[allowed[own]], part(own))),
+                )
             }
             false => Vec3::ONE,
         };
@@ -453,25 +457,5 @@ impl PhotoStage {
             .iter()
             .map(|pixel| photo_weight(pixel, view, &look, settings))
             .collect()
-    }
-}
-
-/// Gain that brings photographs to the exposure of those that serve a view best, so that a photograph's own pose has its own
-/// exposure, and what is between two photographs has one between theirs. Of each its gain, and what it is worth at places.
-fn gain_of_view(photos: Vec<(Vec3, &[f32])>) -> Vec3 {
-    let places = photos.first().map_or(0, |(_, row)| row.len());
-    let (mut logs, mut weights) = (DVec3::ZERO, 0.0);
-    for place in 0..places {
-        let part = |(_, row): &(Vec3, &[f32])| exposure_part(row[place]);
-        let all: f64 = photos.iter().map(part).sum();
-        // Places that are shown from nearby count most: at a photograph's own pose those that it shows.
-        for own in &photos {
-            logs += own.0.as_dvec3().map(f64::ln) * part(own);
-        }
-        weights += all;
-    }
-    match weights > 0.0 {
-        true => (logs / weights).map(f64::exp).as_vec3(),
-        false => Vec3::ONE,
     }
 }

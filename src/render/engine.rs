@@ -330,7 +330,7 @@ impl<'m> Engine<'m> {
     /// Draws a frame and waits until it is finished. The cut over pages, and the wait for those that are missing, count as cut.
     ///
     /// # Errors
-    /// Those of [`VulkanRenderer::draw`].
+    /// Errors of [`VulkanRenderer::draw`].
     pub fn draw(&mut self, view: &View, settings: &Settings) -> Result<FrameTimes, Error> {
         // What no backend can draw is refused before one is looked for.
         if self.device.is_none() {

@@ -39,7 +39,7 @@ fn sorted<T: bytemuck::Pod>(records: &[T]) -> Vec<Vec<u32>> {
     words
 }
 
-/// Items of `all` that are not in `some`, both sorted; `None` where `some` has what `all` has not.
+/// Finds what `all` has and `some` has not, both sorted; `None` where `some` has what `all` has not.
 fn more<T: Ord + Clone>(all: &[T], some: &[T]) -> Option<Vec<T>> {
     let mut rest = some.iter().peekable();
     let mut extra = Vec::new();
