@@ -39,7 +39,7 @@ const uint DIRECTION_HULL = 1u;
 const uint VISIBILITY_OFF = 0u;
 const uint VISIBILITY_SOFT = 2u;
 
-const float SAME_RAY = 1e-4;
+const float SAME_RAY = 1e-5;
 const float LEAST_AT_EDGE = 0.02;
 const float RELATIVE_BIAS = 0.002;
 
@@ -104,6 +104,12 @@ float border_weight(vec2 at, vec2 size) {
     return width > 0.0 ? clamp(min(inside.x, inside.y) / width, 0.02, 1.0) : 1.0;
 }
 
+// Weight whose odds are a part of those of another: lessened in src/projective/look.rs.
+float lessened(float weight, float part) {
+    float found = weight * part;
+    return found > 0.0 ? found / (found + max(1.0 - weight, 0.0)) : 0.0;
+}
+
 // What a photograph counts at a pixel; weight 0 where it does not show it.
 float weight_of(uint photo, SurfacePixel surface, vec3 view_ray) {
     vec3 p = in_camera(photo, surface.position);
@@ -118,27 +124,31 @@ float weight_of(uint photo, SurfacePixel surface, vec3 view_ray) {
     float across = place_anywhere(photo, in_camera(photo, surface.position + surface.across), next) ? distance(next, at) : 1.0;
     float down = place_anywhere(photo, in_camera(photo, surface.position + surface.down), next) ? distance(next, at) : 1.0;
     float weight;
+    // What lessens it.
+    float part = 1.0;
     if (WEIGHT_FORM == FORM_QUALITY) {
-        float apart = max(1.0 - dot(view_ray, ray), 0.0);
-        float same = SAME_RAY / (SAME_RAY + apart);
+        vec3 between = view_ray - ray;
+        float same = SAME_RAY / (SAME_RAY + 0.5 * dot(between, between));
         float faces = surface.normal == vec3(0.0) ? 1.0 : smooth_step(look.limits.x, 0.6, facing);
         float texels = clamp(min(across, down), 0.05, 1.0);
-        weight = same * faces * texels * border_weight(at, size);
+        weight = same;
+        part = faces * texels * border_weight(at, size);
     } else if (WEIGHT_FORM == FORM_BAKED) {
         vec2 scale = vec2(camera_of(photo, 0u).w, camera_of(photo, 1u).w) / p.z;
-        weight = facing * scale.x * scale.y * border_weight(at, size);
+        weight = facing * scale.x * scale.y;
+        part = border_weight(at, size);
     } else {
         weight = princ_weight(photo, ray, surface.normal);
     }
     int looks = PHOTO_VISIBILITY != VISIBILITY_OFF && weight > 0.0 ? 1 : 0;
     for (int i = 0; i < looks; ++i) {
-        weight *= visibility_of(photo, p, facing);
+        part *= visibility_of(photo, p, facing);
     }
     if (HAS_MASKS && place_of(photo, 0u).w != 0u) {
         uvec4 place = place_of(photo, 1u);
-        weight *= photo_bilinear(place.x, place.yz, place.w >> 5, at / size).a;
+        part *= photo_bilinear(place.x, place.yz, place.w >> 5, at / size).a;
     }
-    return weight > 0.0 ? weight : 0.0;
+    return WEIGHT_FORM == FORM_QUALITY ? lessened(weight, part) : max(weight * part, 0.0);
 }
 
 void main() {

@@ -149,9 +149,19 @@ pub(crate) const MOST_BLENDED: usize = 3;
 /// Candidates of less than this part of the best one's weight do not count: they would change no color by a level.
 pub(crate) const LEAST_SHARE: f32 = 1.0 / 64.0;
 
-/// Half the square of the angle between rays (0.8 degrees) that counts as next to none: a photograph that looks along the very
-/// ray of the view outweighs all others, so that a photograph's own pose gives the photograph.
-pub(crate) const SAME_RAY: f32 = 1e-4;
+/// Half the square of the angle between rays (a quarter of a degree) at which a photograph weighs half.
+pub(crate) const SAME_RAY: f32 = 1e-5;
+
+/// Weight whose odds, w / (1 - w), are `part` times those of another. All that lessens a photograph's weight does so by its
+/// odds: what looks along the very ray of the view has weight 1 at its own borders and edges too, so that a photograph's own
+/// pose gives the photograph; far from that ray the weight itself goes by the same part.
+pub(crate) fn lessened(weight: f32, part: f32) -> f32 {
+    let lessened = weight * part;
+    match lessened > 0.0 {
+        true => lessened / (lessened + (1.0 - weight).max(0.0)),
+        false => 0.0,
+    }
+}
 
 /// Smoothstep from 0 at `from` to 1 at `to`.
 fn smooth(from: f32, to: f32, value: f32) -> f32 {
@@ -189,14 +199,14 @@ pub(crate) fn most_weight(
     settings: &LookSettings,
 ) -> f32 {
     let ray = photo.ray_to(pixel.position);
-    // 1 - cos of the angle between the rays, half the square of the angle.
-    let apart = 1.0 - view_ray.dot(ray);
-    let same = SAME_RAY / (SAME_RAY + apart.max(0.0));
+    // 1 - cos of the angle between the rays, half the square of the angle; exact near 0.
+    let apart = 0.5 * (view_ray - ray).length_squared();
+    let same = SAME_RAY / (SAME_RAY + apart);
     let faces = match pixel.normal == Vec3::ZERO {
         true => 1.0,
         false => smooth(settings.limit_cos, 0.6, -pixel.normal.dot(ray)),
     };
-    same * faces
+    lessened(same, faces)
 }
 
 /// Weight of a photograph at a pixel; `None` where it does not show the point. `most` is [`most_weight`] of it.
@@ -213,31 +223,34 @@ fn candidate(
     let facing = -pixel.normal.dot(ray);
     let [across, down] = texel_steps(pixel, photo, place);
     let longest = across.max(down);
-    let mut weight = match settings.form {
+    // The weight, and the part that it is lessened by.
+    let (weight, mut part) = match settings.form {
         WeightForm::Printed | WeightForm::Mended => {
             let d = match settings.direction {
                 PhotoDirection::Axis => photo.rotation.transpose() * Vec3::Z,
                 PhotoDirection::Hull => photo.direction,
                 PhotoDirection::Ray => ray,
             };
-            princ_weight(
+            let weight = princ_weight(
                 settings.form,
                 photo,
                 d,
                 pixel.normal,
                 view.direction,
                 settings.limit_cos,
-            )
+            );
+            (weight, 1.0)
         }
         WeightForm::Quality => {
             // Fewer than one texel a pixel is blur, more is no gain.
             let texels = across.min(down).clamp(0.05, 1.0);
-            most * texels * border_weight(photo, place, settings.border)
+            (most, texels * border_weight(photo, place, settings.border))
         }
         WeightForm::Baked => {
             // Texels on a unit of the surface's area.
             let scale = photo.focal / place.depth;
-            facing * scale.x * scale.y * border_weight(photo, place, settings.border)
+            let border = border_weight(photo, place, settings.border);
+            (facing * scale.x * scale.y, border)
         }
     };
     if weight > 0.0 && settings.visibility != PhotoVisibility::Off {
@@ -248,11 +261,15 @@ fn candidate(
             depth: p.z,
             slope,
         };
-        weight *= of.depth.visibility(query, settings.visibility);
+        part *= of.depth.visibility(query, settings.visibility);
     }
     if let Some(mask) = of.mask.filter(|_| weight > 0.0) {
-        weight *= mask.sample((place.pixel / photo.size).to_array(), 0.0)[1];
+        part *= mask.sample((place.pixel / photo.size).to_array(), 0.0)[1];
     }
+    let weight = match settings.form {
+        WeightForm::Quality => lessened(weight, part),
+        _ => weight * part,
+    };
     (weight > 0.0).then_some(PixelCandidate {
         weight,
         list_index: 0,

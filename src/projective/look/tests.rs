@@ -259,7 +259,8 @@ fn no_texel_comes_through_the_box() {
 
 #[test]
 fn a_photographs_own_pose_gives_the_photograph() {
-    let photos = photos([1.0; 4]);
+    // The others are darker and lighter, so that any part of theirs shows.
+    let photos = photos([0.7, 0.8, 1.0, 1.25]);
     let own = camera(DVec3::new(1.5, 0.2, 0.0), 0.15);
     let found = rephotograph(&own, &photos, &LookSettings::default());
     let mut past = 0;
@@ -270,12 +271,25 @@ fn a_photographs_own_pose_gives_the_photograph() {
             .fold(0.0, f32::max);
         past += usize::from(away > 1.0);
     }
-    // Only next to outlines, where the photograph's weight fades, another may be asked.
-    assert!(
-        past < found.pixels.len() / 200,
-        "{past} of {}",
-        found.pixels.len()
-    );
+    assert_eq!(past, 0, "at borders and outlines too");
+}
+
+#[test]
+fn what_lessens_a_weight_does_so_by_its_odds() {
+    for weight in [1e-6, 0.01, 0.5, 0.9] {
+        for part in [1e-3, 0.1, 1.0] {
+            let found = lessened(weight, part);
+            let odds = |w: f32| w / (1.0 - w);
+            assert!(
+                (odds(found) / (part * odds(weight)) - 1.0).abs() < 1e-4,
+                "{weight} {part}: {found}"
+            );
+            assert!(found <= weight * (1.0 + 1e-6), "a bound stays one");
+        }
+    }
+    // What weighs all does so wherever it is seen at all.
+    assert_eq!(lessened(1.0, 1e-6), 1.0);
+    assert_eq!([lessened(1.0, 0.0), lessened(0.0, 1.0)], [0.0; 2]);
 }
 
 #[test]

@@ -287,13 +287,24 @@ fn most_weight<S: Simd>(
         .position
         .minus(LaneVector::all(simd, photo.center))
         .unit();
-    let apart = (splat(simd, 1.0) - surface.view_ray.dot(ray)).max(zero);
+    let between = surface.view_ray.minus(ray);
+    let apart = between.dot(between) * 0.5;
     let same = splat(simd, SAME_RAY) / (apart + splat(simd, SAME_RAY));
     let facing = -surface.normal.dot(ray);
     let faces = smooth(settings.limit_cos, 0.6, facing);
     let faces = WideLanes::choose(surface.has_normal, faces, splat(simd, 1.0));
-    let bound = WideLanes::choose(surface.is_there, same * faces, zero);
+    let bound = WideLanes::choose(surface.is_there, lessened(same, faces), zero);
     (bound, facing)
+}
+
+/// Weight whose odds are a part of those of another: see [`look::lessened`](crate::projective::look::lessened).
+#[inline(always)]
+fn lessened<S: Simd>(weight: WideLanes<S>, part: WideLanes<S>) -> WideLanes<S> {
+    let (zero, one) = (weight.all(0.0), weight.all(1.0));
+    let lessened = weight * part;
+    let is_any = lessened.gt(zero);
+    let all = lessened + (one - weight).max(zero);
+    WideLanes::choose(is_any, lessened / WideLanes::choose(is_any, all, one), zero)
 }
 
 /// Weight of a photograph: 0 where its bound is 0, it does not show the point, or it weighs less than `least`.
@@ -339,13 +350,14 @@ fn weight_of<S: Simd>(
         true => (inside * (1.0 / width)).max(splat(simd, 0.02)).min(one),
         false => one,
     };
-    let weight = WideLanes::choose(is_inside, bound * texels * border, zero);
+    let mut part = texels * border;
+    let weight = WideLanes::choose(is_inside, lessened(bound, part), zero);
     // The photograph cannot be among the best few, whatever it sees.
-    let mut weight = WideLanes::choose(weight.ge(least), weight, zero);
-    let lanes = WideLanes::<S>::bits(weight.gt(zero));
+    let is_wanted = weight.ge(least) & weight.gt(zero);
+    let lanes = WideLanes::<S>::bits(is_wanted);
     if lanes != 0 && settings.visibility != PhotoVisibility::Off {
         let is_soft = settings.visibility == PhotoVisibility::DepthSoft;
-        weight = weight * visibility(simd, of.depth, &place, facing, (lanes, is_soft));
+        part = part * visibility(simd, of.depth, &place, facing, (lanes, is_soft));
     }
     if let (Some(mask), true) = (of.mask, lanes != 0) {
         let mut kept = [0.0; WIDEST];
@@ -356,10 +368,10 @@ fn weight_of<S: Simd>(
             let at = Vec2::new(columns[lane], rows[lane]) / size;
             kept[lane] = mask.sample(at.to_array(), 0.0)[1];
         }
-        weight = weight * WideLanes::load(simd, &kept[..WideLanes::<S>::LANES]);
+        part = part * WideLanes::load(simd, &kept[..WideLanes::<S>::LANES]);
     }
     WideWeight {
-        weight,
+        weight: WideLanes::choose(is_wanted, lessened(bound, part), zero),
         pixel: place.pixel,
         longest: across.max(down),
     }
