@@ -115,11 +115,13 @@ pub(crate) fn up_guess(scene: Option<&PhotoScene>, of_model: UpGuess) -> UpGuess
     up.map_or(of_model, |axis| UpGuess { axis, reason })
 }
 
-/// The camera of a photograph, by its name or number, with near and far planes around a model.
+/// The camera of a photograph, by its name or number, with near and far planes around a model; as long as a size that is asked
+/// for, else at most [`POSE_SIDE`] pixels.
 pub(crate) fn camera_of(
     scene: &PhotoScene,
     wanted: &str,
     opened: &OpenedModel,
+    size: Option<(u32, u32)>,
 ) -> Result<Camera, CommandFailure> {
     let Some(index) = scene.find(wanted) else {
         return Err(usage(format!(
@@ -130,7 +132,10 @@ pub(crate) fn camera_of(
     };
     let camera = scene.photos[index].camera.pinhole();
     let longest = f64::from(camera.width.max(camera.height).max(1));
-    let scale = (POSE_SIDE / longest).min(1.0);
+    let scale = match size {
+        Some((width, height)) => f64::from(width.max(height)) / longest,
+        None => (POSE_SIDE / longest).min(1.0),
+    };
     let side = |pixels: u32| (f64::from(pixels) * scale).round().max(1.0) as u32;
     let scaled = camera.scaled(side(camera.width), side(camera.height));
     renderer_camera(&scaled, &opened.model).ok_or_else(|| {

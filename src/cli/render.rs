@@ -472,7 +472,7 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
     let file = args.measures.as_deref().map(MeasureList::read);
     let measures = file.transpose().map_err(|e| usage(e.to_string()))?;
     let pose = match (&of_photos, &args.camera_of) {
-        (Some(of_photos), Some(wanted)) => Some(camera_of(of_photos, wanted, &ready)?),
+        (Some(of_photos), Some(wanted)) => Some(camera_of(of_photos, wanted, &ready, args.size)?),
         _ => None,
     };
     // Another view of the scene is one of its model.
