@@ -24,6 +24,15 @@ fn rules(rim_px: f32, inside_px: f32, shade_levels: f32) -> PatchRules {
             shade_levels,
         },
         is_strict: false,
+        tiny_polygons: false,
+    }
+}
+
+/// With polygons below a pixel.
+fn and_tiny(rules: PatchRules) -> PatchRules {
+    PatchRules {
+        tiny_polygons: true,
+        ..rules
     }
 }
 
@@ -77,10 +86,11 @@ fn views(model: &Model) -> [View; 3] {
 }
 
 /// In every light and color.
-fn looks(rules: PatchRules) -> [Settings; 5] {
+fn looks(rules: PatchRules) -> [Settings; 6] {
     let usual = settings(rules);
     [
         usual,
+        settings(and_tiny(rules)),
         Settings {
             light: SurfaceLighting::Phong(Phong::default()),
             ..usual
@@ -169,9 +179,9 @@ fn closed_models_have_no_holes() {
             let view = orbit(&model, SIZE, 47.0 * turn, 80.0 * turn.sin(), fill);
             let whole = exact.render(&view, &triangles).unwrap();
             for (engine, backend) in engines.iter_mut().zip(&backends) {
-                let own = engine
-                    .render(&view, &settings(rules(0.5, 1.0, 60.0)))
-                    .unwrap();
+                let mut rules = rules(0.5, 1.0, 60.0);
+                rules.tiny_polygons = round % 2 == 1;
+                let own = engine.render(&view, &settings(rules)).unwrap();
                 // One pixel of a torus far off is missed by all (docs/METHODS.md).
                 let most = usize::from(name == "torus" && round == 3);
                 let found = holes(&whole, &own);
@@ -232,6 +242,32 @@ fn tolerances_bound_the_error() {
     }
     assert!(errors[0] < errors[1] && errors[1] < errors[2], "{errors:?}");
     assert!(errors[0] < 1.0, "{errors:?}");
+}
+
+/// Polygons below a pixel are nearer to the triangles than squares of a pixel.
+#[test]
+fn tiny_polygons_are_nearer_to_the_triangles() {
+    let model = generated(GeneratedShape::Statue, 200_000);
+    let mut own = engine(&Backend::Cpu, &model);
+    for (azimuth, fill) in [(30.0, 0.3), (140.0, 0.15)] {
+        let view = orbit(&model, SIZE, azimuth, 20.0, fill);
+        let triangles = Settings {
+            method: Method::Triangles,
+            ..Settings::default()
+        };
+        let exact = own.render(&view, &triangles).unwrap();
+        let usual = rules(0.5, 1.0, 48.0);
+        let [squares, polygons] = [usual, and_tiny(usual)].map(|rules| {
+            let image = own.render(&view, &settings(rules)).unwrap();
+            let off = image.color.iter().zip(&exact.color);
+            off.map(|(a, b)| u32::from(a[0].abs_diff(b[0])))
+                .sum::<u32>()
+        });
+        assert!(
+            f64::from(polygons) < 0.97 * f64::from(squares),
+            "{polygons} {squares}"
+        );
+    }
 }
 
 #[test]

@@ -185,19 +185,20 @@ pub fn patches(path: Path) -> BenchLine {
     }
 }
 
-/// Patches within given tolerances, drawn by whoever `auto` chooses.
-pub fn patches_within(tolerances: ErrorTolerances) -> BenchLine {
+/// Patches by given rules, drawn by whoever `auto` chooses.
+pub fn patches_by(rules: PatchRules) -> BenchLine {
     let ErrorTolerances {
         rim_px,
         inside_px,
         shade_levels,
-    } = tolerances;
-    let rules = PatchRules {
-        tolerances,
-        ..PatchRules::default()
+    } = rules.tolerances;
+    let tiny = if rules.tiny_polygons {
+        " and below a pixel"
+    } else {
+        ""
     };
     BenchLine {
-        name: format!("patches, {rim_px},{inside_px},{shade_levels}"),
+        name: format!("patches, {rim_px},{inside_px},{shade_levels}{tiny}"),
         settings: Settings {
             patches: Some(rules),
             ..Settings::default()
@@ -234,19 +235,27 @@ pub fn lists(threshold_px: f32) -> [BenchLine; 2] {
     })
 }
 
-/// Tolerances of patches whose errors are measured: the usual ones, finer and coarser.
-const ERRORS: [ErrorTolerances; 4] = [
-    tolerances(0.15, 0.25, 24.0),
-    tolerances(0.1, 0.15, 8.0),
-    tolerances(0.25, 0.5, 24.0),
-    tolerances(0.5, 1.0, 48.0),
+/// Rules of patches whose errors are measured: the usual ones, finer and coarser, and with nodes below a pixel.
+const ERRORS: [PatchRules; 5] = [
+    within(0.15, 0.25, 24.0),
+    within(0.1, 0.15, 8.0),
+    within(0.25, 0.5, 24.0),
+    within(0.5, 1.0, 48.0),
+    PatchRules {
+        tiny_polygons: true,
+        ..within(0.5, 1.0, 48.0)
+    },
 ];
 
-const fn tolerances(rim_px: f32, inside_px: f32, shade_levels: f32) -> ErrorTolerances {
-    ErrorTolerances {
-        rim_px,
-        inside_px,
-        shade_levels,
+const fn within(rim_px: f32, inside_px: f32, shade_levels: f32) -> PatchRules {
+    PatchRules {
+        tolerances: ErrorTolerances {
+            rim_px,
+            inside_px,
+            shade_levels,
+        },
+        is_strict: false,
+        tiny_polygons: false,
     }
 }
 
@@ -343,7 +352,7 @@ impl BenchPlan {
         [
             of_default.iter().map(|t| default(*t)).collect(),
             of_filtered.iter().map(filtered).collect(),
-            ERRORS.map(patches_within).to_vec(),
+            ERRORS.map(patches_by).to_vec(),
         ]
     }
 }

@@ -13,6 +13,14 @@ enum ErrorBoundName {
     Strict,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum TinyNodeName {
+    /// Squares of the threshold
+    Squares,
+    /// Polygons of their own, where no second sheet is below them: nearer to the triangles, and slower
+    Polygons,
+}
+
 /// Which nodes are drawn as patches.
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct ErrorArgs {
@@ -24,15 +32,19 @@ pub(crate) struct ErrorArgs {
     /// How the shade keeps to its part of --error
     #[arg(long, value_enum, default_value = "mean")]
     bound: ErrorBoundName,
+    /// Shape of nodes below --threshold, with --error
+    #[arg(long, value_enum, value_name = "AS", default_value = "squares")]
+    tiny_nodes: TinyNodeName,
 }
 
 impl ErrorArgs {
     /// The rules; `None` where none are given.
     pub(crate) fn rules(&self, method: Method) -> Result<Option<PatchRules>, CommandFailure> {
         let Some(tolerances) = self.error else {
-            return match self.bound {
-                ErrorBoundName::Mean => Ok(None),
-                ErrorBoundName::Strict => Err(usage("--bound is one of --error; give both")),
+            return match (self.bound, self.tiny_nodes) {
+                (ErrorBoundName::Mean, TinyNodeName::Squares) => Ok(None),
+                (ErrorBoundName::Strict, _) => Err(usage("--bound is one of --error; give both")),
+                _ => Err(usage("--tiny-nodes is of --error; give both")),
             };
         };
         if method != Method::Pop {
@@ -43,6 +55,7 @@ impl ErrorArgs {
         Ok(Some(PatchRules {
             tolerances,
             is_strict: self.bound == ErrorBoundName::Strict,
+            tiny_polygons: self.tiny_nodes == TinyNodeName::Polygons,
         }))
     }
 }

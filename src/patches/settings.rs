@@ -51,6 +51,9 @@ pub struct PatchRules {
     pub tolerances: ErrorTolerances,
     /// The shade keeps to its tolerance at every vertex, not on average.
     pub is_strict: bool,
+    /// Nodes below the threshold are their polygon too instead of a square, where no second sheet is below them: nearer to the
+    /// triangles, and slower.
+    pub tiny_polygons: bool,
 }
 
 impl PatchRules {

@@ -96,6 +96,7 @@ impl CutKey {
         PatchCutSettings {
             cut: self.settings,
             tolerances: rules.tolerances,
+            tiny_polygons: rules.tiny_polygons,
             ..PatchCutSettings::default()
         }
     }

@@ -77,14 +77,15 @@ impl PartCuts {
         for (part, (cut, patches)) in parts.iter().zip(own) {
             if let Some(chosen) = part.cut {
                 patches.clone_from(chosen);
-                std::mem::swap(cut, &mut patches.rest);
-                continue;
+            } else {
+                let key = key_of(part);
+                let conditions = part.facts.patches(part.model).conditions(rules.is_strict);
+                let settings = key.by_error(rules);
+                let selector = &mut self.patch_selector;
+                selector.select(part.model, conditions, key.view(), &settings, patches);
             }
-            let key = key_of(part);
-            let conditions = part.facts.patches(part.model).conditions(rules.is_strict);
-            let settings = key.by_error(rules);
-            let selector = &mut self.patch_selector;
-            selector.select(part.model, conditions, key.view(), &settings, patches);
+            // Below the threshold a polygon is drawn as any other.
+            patches.patches.append(&mut patches.tiny);
             std::mem::swap(cut, &mut patches.rest);
         }
     }

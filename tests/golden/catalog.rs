@@ -213,6 +213,7 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
             s.patches = Some(PatchRules {
                 tolerances,
                 is_strict: true,
+                ..PatchRules::default()
             });
             s.light = lamp;
         })
