@@ -10,6 +10,7 @@ pub mod cross_section;
 pub mod export;
 pub mod file_place;
 pub(crate) mod keep;
+pub mod memory_need;
 mod paged;
 pub mod photo_scene;
 pub mod recolor;
@@ -19,6 +20,7 @@ mod surface_section;
 #[cfg(test)]
 mod tests;
 
+use memory_need::MemoryNeed;
 use paged::{is_address, read_address, read_pages};
 pub use source_format::SourceFormat;
 pub use stream::{OpenedStream, external_options, open_stream};
@@ -58,6 +60,8 @@ pub struct OpenOptions {
     /// [`OpenedModel::paged`] has the file, for [`PagedModel`](crate::render::paged_model::PagedModel). Else all are read and
     /// joined.
     pub streams_pages: bool,
+    /// Memory that the model may take as a whole, bytes; `None`: what the system has free, where it says so.
+    pub memory_bytes: Option<u64>,
     /// Place and color of the model; trees, which are built already, have their own.
     pub placement: MeshPlacement,
     /// Points that are kept of the model; its tree is that of the whole, cut down ([`Model::kept`]).
@@ -243,7 +247,11 @@ pub fn open_with_preview(
     on_mesh: &mut dyn FnMut(&Mesh),
 ) -> Result<OpenedModel, Error> {
     let start = Instant::now();
-    let found = read(&ModelSource::parse(source)?, options, progress)?;
+    let parsed = ModelSource::parse(source)?;
+    if let Some(need) = MemoryNeed::of(&parsed, options) {
+        return Err(need.refused(source).into());
+    }
+    let found = read(&parsed, options, progress)?;
     if let Some(setting) = &options.input.color
         && !matches!(found.format, SourceFormat::Mesh(_))
     {

@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use surfel::mesh::stream::JoinedStream;
 use surfel::open::OpenedModel;
+use surfel::open::memory_need::MemoryNeed;
 use surfel::open::{ModelSource, external_options, open_stream};
+use surfel::pages::cache::usual_budget;
 use surfel::pages::external::{self, ExternalError, ExternalOptions};
 use surfel::pages::write::{self, PagedOptions};
 use surfel::tree;
@@ -20,7 +22,7 @@ use surfel::tree;
 pub(crate) struct BuildArgs {
     #[command(flatten)]
     source: ModelArgs,
-    /// Further models, built into the same file; only with --memory
+    /// Further models, built into the same file
     #[arg(value_name = "MORE", index = 2)]
     more: Vec<PathBuf>,
     /// Tree file to write; the model's name with .surfel if not given
@@ -36,7 +38,8 @@ pub(crate) struct BuildArgs {
     /// Leaves of a page at most, 16 to 16384: small pages bring less that is not needed, large ones take fewer bytes
     #[arg(long, value_name = "N", default_value_t = PagedOptions::default().page_leaves, value_parser = parse_page_leaves)]
     page_leaves: usize,
-    /// Read and build the model piece by piece with about this much memory, such as 1GiB; writes the paged kind
+    /// Read and build the model piece by piece with about this much memory, such as 1GiB; writes the paged kind [default: half of
+    /// what is free, at most 4GiB, where the model as a whole takes more memory than there is, or there are several]
     #[arg(long, value_name = "SIZE", value_parser = parse_memory)]
     memory: Option<u64>,
 }
@@ -67,6 +70,28 @@ impl BuildArgs {
     }
 }
 
+/// Memory to build with piece by piece; `None` where the model is built as a whole.
+fn memory_of_pieces(args: &BuildArgs, need: Option<&MemoryNeed>, quiet: bool) -> Option<u64> {
+    let usual = || usual_budget().max(LEAST_MEMORY);
+    if args.memory.is_some() {
+        return args.memory;
+    }
+    if !args.more.is_empty() {
+        return Some(usual());
+    }
+    let need = need.filter(|need| need.is_streamed && !args.patches)?;
+    if !quiet {
+        say(&format!(
+            "surfel: {}: {} take about {} of memory as a whole, and {} are free: built piece by piece, as --memory does",
+            args.source.model.display(),
+            need.what,
+            bytes(need.needed),
+            bytes(need.free)
+        ));
+    }
+    Some(usual())
+}
+
 /// Builds the model piece by piece; `false` where it must be read whole.
 fn build_in_pieces(
     args: &BuildArgs,
@@ -76,6 +101,10 @@ fn build_in_pieces(
 ) -> Result<bool, CommandFailure> {
     let bar = JobBar::new(quiet);
     let options = args.source.options()?;
+    if args.patches {
+        let cause = "--patches needs the whole model in memory: build one model with it";
+        return Err(super::usage(cause));
+    }
     if args.source.weld {
         let cause = "--weld needs the whole model in memory: leave it or --memory out";
         return Err(super::usage(cause));
@@ -204,10 +233,6 @@ pub(crate) fn run(args: BuildArgs, quiet: bool) -> Outcome {
             }
         },
     };
-    if !args.more.is_empty() && args.memory.is_none() {
-        let cause = "several models are built into one file piece by piece: add --memory 1GiB";
-        return Err(super::usage(cause));
-    }
     let mut inputs = std::iter::once(&args.source.model).chain(&args.more);
     if inputs.any(|input| *input == output) {
         return Err(super::usage(format!(
@@ -216,13 +241,16 @@ pub(crate) fn run(args: BuildArgs, quiet: bool) -> Outcome {
         )));
     }
     super::require_folder(&output)?;
-    if let Some(memory) = args.memory
+    let source = ModelSource::parse(&args.source.model)?;
+    let need = MemoryNeed::of(&source, &args.source.options()?);
+    let memory = memory_of_pieces(&args, need.as_ref(), quiet);
+    if let Some(memory) = memory
         && build_in_pieces(&args, memory, &output, quiet)?
     {
         return Ok(());
     }
     let pages = args.pages();
-    let is_paged = args.paged || args.memory.is_some();
+    let is_paged = args.paged || memory.is_some();
     let mut ready = args.source.open(quiet)?;
     if args.patches {
         check_patches(&ready)?;

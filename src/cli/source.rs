@@ -344,6 +344,7 @@ pub(crate) fn open_options(
         },
         frame_all: frame == ViewFraming::All,
         streams_pages: false,
+        memory_bytes: None,
         placement: MeshPlacement::default(),
         keep: PointFilter::default(),
         tree: BuildOptions {

@@ -21,6 +21,23 @@ impl fmt::Display for FilePlace {
     }
 }
 
+/// Writes bytes in metric units.
+fn metric(bytes: u64) -> String {
+    let mut value = bytes as f64;
+    let mut units = ["B", "kB", "MB", "GB", "TB"].into_iter();
+    let mut unit = units.next().unwrap_or_default();
+    for next in units.take_while(|_| bytes >= 1000) {
+        if value < 1000.0 {
+            break;
+        }
+        (value, unit) = (value / 1000.0, next);
+    }
+    match unit {
+        "B" => format!("{bytes} B"),
+        _ => format!("{value:.1} {unit}"),
+    }
+}
+
 /// Why a file could not be read as a model.
 ///
 /// Every variant but [`Cancelled`](Error::Cancelled) and [`Remote`](Error::Remote) holds the file as the caller named it ("standard input"
@@ -76,6 +93,20 @@ pub enum Error {
         found: u64,
         /// The largest number accepted.
         limit: u64,
+    },
+    /// The model as a whole takes more memory than there is.
+    #[error("{}: {what} take{} about {} of memory as a whole, and {} are free; {advice}", path.display(), if what == "it" { "s" } else { "" }, metric(*needed), metric(*free))]
+    NeedsMemory {
+        /// The file, or the name of a generator.
+        path: PathBuf,
+        /// Name of what takes it.
+        what: String,
+        /// Bytes, at least.
+        needed: u64,
+        /// Bytes that are free.
+        free: u64,
+        /// Advice: the way out.
+        advice: String,
     },
     /// Neither the content nor the ending is known.
     #[error(

@@ -40,10 +40,17 @@ impl CacheKey {
 
 /// Bytes of memory that the system has free; `None` where it does not say.
 pub fn free_memory() -> Option<u64> {
+    memory_line("MemAvailable:")
+}
+
+/// Bytes that a program can have of the system before it is ended: free memory and room to swap; `None` where it does not say.
+pub fn usable_memory() -> Option<u64> {
+    Some(free_memory()? + memory_line("SwapFree:").unwrap_or(0))
+}
+
+fn memory_line(name: &str) -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text
-        .lines()
-        .find(|line| line.starts_with("MemAvailable:"))?;
+    let line = text.lines().find(|line| line.starts_with(name))?;
     let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib * 1024)
 }
