@@ -69,13 +69,14 @@ fn of_file(
     options: &OpenOptions,
     free: u64,
 ) -> Option<MemoryNeed> {
-    let mut file = File::open(path).ok()?;
-    let metadata = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
+    // A pipe is opened once, by its reader.
+    let metadata = (std::fs::metadata(path).ok()).filter(std::fs::Metadata::is_file)?;
     if metadata.len().saturating_mul(MOST_PACKED) <= free {
         return None;
     }
     let mut start = Vec::new();
-    (&mut file).take(64).read_to_end(&mut start).ok()?;
+    let file = File::open(path).ok()?;
+    file.take(64).read_to_end(&mut start).ok()?;
     if pages::format::is_paged_file(&start) {
         return None;
     }
