@@ -494,11 +494,12 @@ fn pages_that_cannot_be_read_are_named_and_what_stands_for_them_is_drawn() {
     let broken = PagedFile::open(Arc::new(source)).unwrap();
     let (own, messages) =
         picture(&Backend::Cpu, opened(&broken, ENOUGH), &view, &settings).unwrap();
+    // One message, however many pages.
     assert!(
-        messages.len() > 3 && messages[0].contains("no network"),
+        messages.len() == 1 && messages[0].contains("no network"),
         "{messages:?}"
     );
-    assert!(messages.iter().all(|message| message.contains("t.surfel")));
+    assert!(messages[0].contains("t.surfel"));
     let (off, missing) = differences(&own, &full);
     assert!(off > 500 && missing == 0, "{off} {missing}");
     // A page whose bytes are others.

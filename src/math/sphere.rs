@@ -27,11 +27,10 @@ const SINGULAR: f64 = 1e-12;
 #[inline]
 pub fn round_up(x: f64) -> f32 {
     let nearest = x as f32;
-    if f64::from(nearest) < x {
-        nearest.next_up()
-    } else {
-        nearest
-    }
+    // The next number has the next bits, or of negative ones those before. Without a branch, so that loops of it are vectors.
+    let next = if nearest < 0.0 { u32::MAX } else { 1 };
+    let step = if f64::from(nearest) < x { next } else { 0 };
+    f32::from_bits(nearest.to_bits().wrapping_add(step))
 }
 
 /// Center of the smallest ball around a triangle: the midpoint of the longest side where the angle opposite to it is

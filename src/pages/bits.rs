@@ -38,19 +38,36 @@ pub(super) fn unpack(bytes: &[u8], bits: u32, index: usize) -> u32 {
         .and_then(|rest| rest.first_chunk::<4>())
     {
         Some(word) => u32::from_le_bytes(*word),
-        None => last_word(bytes, first / 8),
+        None => last_word(bytes, first / 8) as u32,
     };
     // 24 bits and 7 to skip fit 32.
     word >> (first % 8) & ((1u32 << bits) - 1)
 }
 
+/// Fills triples with numbers of `bits` bits, at most 16, from the first on.
+pub(super) fn unpack_triples(bytes: &[u8], bits: u32, triples: &mut [[u32; 3]]) {
+    for (index, triple) in triples.iter_mut().enumerate() {
+        let first = index * 3 * bits as usize;
+        let word = match bytes
+            .get(first / 8..)
+            .and_then(|rest| rest.first_chunk::<8>())
+        {
+            Some(word) => u64::from_le_bytes(*word),
+            None => last_word(bytes, first / 8),
+        };
+        // 48 bits and 7 to skip fit 64.
+        let word = word >> (first % 8);
+        *triple = [0, bits, 2 * bits].map(|skip| (word >> skip) as u32 & ((1 << bits) - 1));
+    }
+}
+
 #[cold]
-fn last_word(bytes: &[u8], at: usize) -> u32 {
-    let mut word = [0; 4];
+fn last_word(bytes: &[u8], at: usize) -> u64 {
+    let mut word = [0; 8];
     for (to, from) in word.iter_mut().zip(bytes.get(at..).unwrap_or_default()) {
         *to = *from;
     }
-    u32::from_le_bytes(word)
+    u64::from_le_bytes(word)
 }
 
 /// Tells whether the bits after the last of `count` numbers are zero, as [`pack`] leaves them.
@@ -77,6 +94,9 @@ mod tests {
                 for (index, value) in values.iter().enumerate() {
                     assert_eq!(unpack(&bytes, bits, index), *value, "{bits} {index}");
                 }
+                let mut triples = vec![[0; 3]; if bits <= 16 { count / 3 } else { 0 }];
+                unpack_triples(&bytes, bits, &mut triples);
+                assert!(values.starts_with(triples.as_flattened()), "{bits} {count}");
             }
         }
         assert_eq!(

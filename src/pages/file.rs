@@ -476,15 +476,7 @@ impl PagedFile {
             None => page,
         };
         // Moved by its place in the file, a sphere can leave single precision.
-        let model = &page.model;
-        let reach = model.orbit_center.as_dvec3() + page.base;
-        let is_near = |center: Vec3| (center.as_dvec3() + page.base).as_vec3().is_finite();
-        if !reach.as_vec3().is_finite()
-            || !(model.tree.nodes.iter())
-                .all(|node| is_near(node.center) && node.radius.is_finite())
-            || !(model.tree.leaves.iter())
-                .all(|leaf| is_near(leaf.center) && leaf.radius.is_finite())
-        {
+        if !page.is_finite() {
             return Err(damaged(0, "a sphere that is not finite".to_owned()));
         }
         Ok(page)

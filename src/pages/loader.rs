@@ -58,6 +58,8 @@ struct LoaderState {
     reading: BTreeSet<u32>,
     done: Vec<LoadedPage>,
     failed: BTreeMap<u32, FailedPage>,
+    /// Files that give no bytes, which was said.
+    unread: BTreeSet<String>,
     messages: Vec<String>,
     is_over: bool,
 }
@@ -105,16 +107,23 @@ impl LoaderState {
         self.reading.remove(&id);
         match result {
             Ok(page) => {
-                self.failed.remove(&id);
+                if self.failed.remove(&id).is_some() {
+                    self.unread.clear();
+                }
                 let page = Arc::new(page);
                 let size_px = wanted.size_px;
                 self.done.push(LoadedPage { id, page, size_px });
             }
             Err(error) => {
                 let attempts = self.failed.get(&id).map_or(0, |failed| failed.attempts);
-                // Said once, however often it fails, and whatever else was read with it.
+                // Said once, however often it fails, and a file that gives no bytes once for all pages, until one comes again.
                 let message = error.to_string();
-                if attempts == 0 && !self.messages.contains(&message) {
+                let is_new = attempts == 0
+                    && match error {
+                        PageError::Io { name, .. } => self.unread.insert(name),
+                        PageError::Damaged { .. } => !self.messages.contains(&message),
+                    };
+                if is_new {
                     self.messages.push(message);
                 }
                 let pause = options.first_pause * 2u32.saturating_pow(attempts.min(20));
@@ -212,8 +221,8 @@ impl SharedLoader {
 
 /// Reads the pages that are wanted, in threads of its own, until it is dropped.
 ///
-/// A page that fails is said once ([`PageLoader::messages`]) and tried again with growing pauses while it is wanted;
-/// meanwhile the cut draws what stands for it.
+/// A page that is damaged is said once ([`PageLoader::messages`]), and once for all pages where a file gives no bytes. It is tried
+/// again with growing pauses while it is wanted; meanwhile the cut draws what stands for it.
 #[derive(Debug)]
 pub struct PageLoader {
     shared: Arc<SharedLoader>,
@@ -270,7 +279,7 @@ impl PageLoader {
         self.shared.state().is_stuck()
     }
 
-    /// The messages since the last call: one for each page that failed.
+    /// The messages since the last call: one for each page that is damaged, and for each file that gives no bytes.
     pub fn messages(&self) -> Vec<String> {
         std::mem::take(&mut self.shared.state().messages)
     }

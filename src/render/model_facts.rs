@@ -78,7 +78,7 @@ pub struct DrawnFacts {
 const MOST_RADII: usize = 1023;
 
 /// Median radius of the points of a cloud; 0 of anything else.
-fn point_radius(model: &Model) -> f32 {
+pub(crate) fn point_radius(model: &Model) -> f32 {
     let leaves = &model.tree.leaves;
     if !model.kind().is_points() || leaves.is_empty() {
         return 0.0;
@@ -164,6 +164,18 @@ impl ModelFacts {
             patches: OnceLock::new(),
             bounds: OnceLock::new(),
             even: Mutex::new(None),
+        }
+    }
+
+    /// The same model with another median radius of points.
+    pub(crate) fn with_point_radius(&self, point_radius: f32) -> Self {
+        let drawn = DrawnFacts {
+            point_radius,
+            ..self.drawn
+        };
+        Self {
+            id: self.id,
+            ..Self::of_page(drawn, self.has_colors)
         }
     }
 

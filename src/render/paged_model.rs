@@ -19,7 +19,7 @@ use crate::patches::PatchCut;
 use crate::progress::Progress;
 use crate::render::cut_key::{CutKey, LARGEST_HIDDEN_PX, cut_settings};
 use crate::render::frame_plan::resolved;
-use crate::render::model_facts::{DrawnFacts, FactedModel, ModelFacts};
+use crate::render::model_facts::{DrawnFacts, FactedModel, ModelFacts, point_radius};
 use crate::render::{Culling, Occlusion, Settings};
 use crate::tree::{Model, ModelKind, Node};
 use glam::{DVec3, Vec3};
@@ -83,6 +83,8 @@ struct PageFacts {
     facts: Arc<ModelFacts>,
     /// Of an upper page that stands for pages which are not there: its leaves are points of any size.
     coarse: Option<Arc<ModelFacts>>,
+    /// Median radius of the points of a cloud that it has; else 0.
+    point_radius: f32,
 }
 
 /// Inputs that decide the cut over pages; equal ones choose the same.
@@ -312,8 +314,24 @@ impl PagedModel {
                 };
                 Arc::new(ModelFacts::of_page(drawn, has_colors))
             }),
+            point_radius: match page.children {
+                Some(_) => 0.0,
+                None => point_radius(&page.model),
+            },
             page,
         });
+    }
+
+    /// Median radius of a cloud's points, by the pages that are drawn; 0 of a surface, and where only pages above are there.
+    fn median_point_radius(&self) -> f32 {
+        let known = (self.cut.parts.iter()).filter_map(|part| self.known.get(&part.id));
+        let radii = known.map(|own| own.point_radius);
+        let mut radii: Vec<f32> = radii.filter(|&radius| radius > 0.0).collect();
+        let middle = radii.len() / 2;
+        match radii.is_empty() {
+            true => 0.0,
+            false => *radii.select_nth_unstable_by(middle, f32::total_cmp).1,
+        }
     }
 
     /// Chooses the cut over the pages in memory.
@@ -383,6 +401,13 @@ impl PagedModel {
         };
         let ids = self.cut.parts.iter().map(|part| &part.id);
         self.cut_facts = ids.filter_map(facts_of).collect();
+        // Of all that is drawn the largest counts: one has it for all.
+        let point_radius = self.median_point_radius();
+        if point_radius > 0.0
+            && let Some(first) = self.cut_facts.first_mut()
+        {
+            *first = Arc::new(first.with_point_radius(point_radius));
+        }
         match self.is_full {
             true => self.loader.want(&[]),
             false => self.loader.want(&self.cut.wanted),

@@ -8,6 +8,7 @@
 //! A page decodes into a [`Model`] with the tree that a cut walks over, in coordinates relative to an origin in double
 //! precision. What is decoded is sound: a walk over it leaves no array.
 
+mod leaf_spheres;
 mod model_space;
 mod nodes;
 mod points;

@@ -4,40 +4,25 @@
 //! them, and a surface without cracks stays one. Spheres, cones, splat radii and thickness are those of the triangles as
 //! they are decoded.
 
+use super::leaf_spheres::{self, leaf_of};
 use super::nodes::{self, ColorSums, NO_NORMAL, NodeWord, normal_of};
 use super::{
     ColorBits, DecodedPage, EncodedPage, LEAF_HEADER, LeafPageHeader, PageChoices, PageFault,
     PageSections, flag, grown, in_model_space, kind,
 };
 use crate::abi::Vertex;
-use crate::math::{octahedral, sphere};
+use crate::math::octahedral;
 use crate::pages::bits;
 use crate::pages::quantize::{
     PageSphere, color_from_565, color_to_565, cone_code, decode_normal, encode_normal,
     packed_normals,
 };
 use crate::tree::{Leaf, Model, Node, NodeStrip, Tree, geometric_normal};
-use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// Bytes of a capsule.
 const STRIP: usize = 4;
-
-/// The sphere of a triangle's corners, as the tree's builder has it.
-#[inline(always)]
-fn leaf_of(corners: [Vec3; 3]) -> Leaf {
-    let center = sphere::triangle_center(corners.map(|p| p.as_dvec3())).as_vec3();
-    let around = center.as_dvec3();
-    let square = corners
-        .iter()
-        .map(|p| around.distance_squared(p.as_dvec3()))
-        .fold(0.0, f64::max);
-    Leaf {
-        center,
-        radius: sphere::round_up(square.sqrt() * (1.0 + 1e-15)),
-    }
-}
 
 pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
     let (tree, base, step) = (&part.tree, choices.base, choices.step);
@@ -306,59 +291,34 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     };
     sections.end()?;
 
-    let table = packed_normals();
-    let mut any_normal = false;
-    let mut vertices = vec![Vertex::zeroed(); vertex_count];
-    for (index, vertex) in vertices.iter_mut().enumerate() {
-        let place = |k: usize| {
-            let at = index * 6 + k * 2;
-            u16::from_le_bytes([places[at], places[at + 1]])
-        };
-        let code = u16::from_le_bytes([normals[index * 2], normals[index * 2 + 1]]);
-        if !nodes::is_normal(code) {
-            return Err((
-                normals_at + index * 2,
-                format!("vertex {index}: a normal that is none"),
-            ));
-        }
-        let normal = normal_of(table, code);
-        any_normal |= normal.is_some();
-        let [r, g, b] = match header.color_bytes() {
-            0 => [255; 3],
-            2 => color_from_565(u16::from_le_bytes([
-                colors[index * 2],
-                colors[index * 2 + 1],
-            ])),
-            _ => [
-                colors[index * 3],
-                colors[index * 3 + 1],
-                colors[index * 3 + 2],
-            ],
-        };
-        *vertex = Vertex {
-            position: position([place(0), place(1), place(2)], step),
-            normal: normal.unwrap_or_default(),
-            color: [r, g, b, if normal.is_some() { 255 } else { 0 }],
-        };
+    if let Some(index) = codes(normals).position(|code| !nodes::is_normal(code)) {
+        return Err((
+            normals_at + index * 2,
+            format!("vertex {index}: a normal that is none"),
+        ));
     }
+    let any_normal = codes(normals).any(|code| code != NO_NORMAL);
+    let vertices = decode_vertices(places, normals, (colors, header.color_bytes()), step);
     let mut triangles = vec![[0u32; 3]; leaf_count];
-    for (leaf, triangle) in triangles.iter_mut().enumerate() {
-        for (k, corner) in triangle.iter_mut().enumerate() {
-            *corner = bits::unpack(indices, index_bits, leaf * 3 + k);
-            if *corner as usize >= vertex_count {
-                return Err((
-                    indices_at,
-                    format!("triangle {leaf}: a corner that is no vertex"),
-                ));
-            }
-        }
-        tree.leaves[leaf] = leaf_of(triangle.map(|index| vertices[index as usize].position));
+    bits::unpack_triples(indices, index_bits, &mut triangles);
+    // A loop of its own: as a vector, and without a guess about each number.
+    let largest = triangles.as_flattened().iter().fold(0, |a, &b| a.max(b));
+    if largest as usize >= vertex_count {
+        let is_wrong = |own: &[u32; 3]| own.iter().any(|&index| index as usize >= vertex_count);
+        let leaf = triangles.iter().position(is_wrong).unwrap_or(0);
+        return Err((
+            indices_at,
+            format!("triangle {leaf}: a corner that is no vertex"),
+        ));
     }
+    let mut areas = vec![0.0; leaf_count];
+    leaf_spheres::fill(&vertices, &triangles, &mut tree.leaves, &mut areas);
     fill_attributes(
         words,
         &mut tree,
         &vertices,
         &triangles,
+        &areas,
         (header.has_colors(), any_normal),
     );
     let (thin, mut capsules) = strips;
@@ -393,11 +353,52 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     })
 }
 
+/// Numbers of two bytes.
+fn codes(bytes: &[u8]) -> impl Iterator<Item = u16> {
+    let (codes, _) = bytes.as_chunks::<2>();
+    codes.iter().map(|code| u16::from_le_bytes(*code))
+}
+
+fn decode_vertices(
+    places: &[u8],
+    normals: &[u8],
+    (colors, color_bytes): (&[u8], usize),
+    step: f32,
+) -> Vec<Vertex> {
+    let table = packed_normals();
+    let (places, _) = places.as_chunks::<6>();
+    let mut vertices: Vec<Vertex> = (places.iter().zip(codes(normals)))
+        .map(|(&[x0, x1, y0, y1, z0, z1], code)| {
+            let normal = normal_of(table, code);
+            Vertex {
+                position: position([[x0, x1], [y0, y1], [z0, z1]].map(u16::from_le_bytes), step),
+                normal: normal.unwrap_or_default(),
+                color: [255, 255, 255, if normal.is_some() { 255 } else { 0 }],
+            }
+        })
+        .collect();
+    match color_bytes {
+        0 => {}
+        2 => {
+            for (vertex, code) in vertices.iter_mut().zip(codes(colors)) {
+                vertex.color[..3].copy_from_slice(&color_from_565(code));
+            }
+        }
+        _ => {
+            for (vertex, color) in vertices.iter_mut().zip(colors.as_chunks::<3>().0) {
+                vertex.color[..3].copy_from_slice(color);
+            }
+        }
+    }
+    vertices
+}
+
 fn fill_attributes(
     words: &[u8],
     tree: &mut Tree,
     vertices: &[Vertex],
     triangles: &[[u32; 3]],
+    areas: &[f32],
     (has_colors, any_normal): (bool, bool),
 ) {
     let mut sums = ColorSums {
@@ -410,13 +411,12 @@ fn fill_attributes(
             continue;
         }
         let first = node.first_child as usize;
+        let below = first..first + usize::from(node.child_count);
         let mut area = 0.0;
-        for triangle in &triangles[first..first + usize::from(node.child_count)] {
-            let [a, b, c] = triangle.map(|index| &vertices[index as usize]);
-            let cross = (b.position - a.position).cross(c.position - a.position);
-            let own = 0.5 * cross.length();
+        for (triangle, &own) in triangles[below.clone()].iter().zip(&areas[below]) {
             area += own;
             if has_colors {
+                let [a, b, c] = triangle.map(|index| &vertices[index as usize]);
                 let weight = own.max(1e-30);
                 for k in 0..3 {
                     let color =

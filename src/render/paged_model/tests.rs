@@ -74,3 +74,37 @@ fn cuts_have_numbers_of_their_own_and_rest_with_the_view() {
     assert!(pages.generation() > other);
     assert!(pages.parts().count() > 10 && pages.resident().count() == pages.resident_pages());
 }
+
+/// What ambient occlusion takes for a plane is that of the whole cloud, and of a surface nothing.
+#[test]
+fn clouds_know_how_wide_their_points_are() {
+    for is_cloud in [true, false] {
+        let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 40_000);
+        let mut mesh = generate::mesh(&spec.unwrap());
+        if is_cloud {
+            mesh.triangles.clear();
+        }
+        let model = tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap();
+        let options = PagedOptions {
+            page_leaves: 128,
+            colors: None,
+        };
+        let bytes = to_bytes(&model, &options).unwrap();
+        let file = PagedFile::open(Arc::new(MemorySource::new("t.surfel", bytes))).unwrap();
+        let mut pages = PagedModel::open(file, PagedModelOptions::default()).unwrap();
+        let view = model.orbit_camera((200, 200), 0.3, 0.3, 1.0);
+        let view = view.view(model.origin).unwrap();
+        pages
+            .load(&view, &Settings::default(), &SilentProgress)
+            .unwrap();
+        let whole = DrawnFacts::from(&model).point_radius;
+        let widest = |radius: f32, facts: &Arc<ModelFacts>| radius.max(facts.drawn().point_radius);
+        let own = pages.parts().map(|(_, facts)| facts).fold(0.0, widest);
+        assert_eq!(own > 0.0, is_cloud);
+        // Codes round radii up.
+        assert!((whole..=1.2 * whole).contains(&own), "{own} {whole}");
+        // The pages are the same as ever to whatever keeps something of them.
+        let known = |id: u64| pages.known.values().any(|own| own.facts.id() == id);
+        assert!(pages.parts().all(|(_, facts)| known(facts.id())));
+    }
+}
