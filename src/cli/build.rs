@@ -294,3 +294,41 @@ pub(crate) fn run(args: BuildArgs, quiet: bool) -> Outcome {
     ));
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
+    use super::*;
+    use clap::Parser;
+
+    #[derive(clap::Parser)]
+    struct ParsedBuild {
+        #[command(flatten)]
+        args: BuildArgs,
+    }
+
+    /// Memory of pieces by these arguments, of a model that needs more than there is (`Some`: whether it is read in pieces).
+    fn memory(arguments: &[&str], is_streamed: Option<bool>) -> Option<u64> {
+        let all = std::iter::once(&"build").chain(arguments);
+        let parsed = ParsedBuild::try_parse_from(all).unwrap();
+        let need = is_streamed.map(|is_streamed| MemoryNeed {
+            what: "its 9 points".to_owned(),
+            needed: 990,
+            free: 100,
+            is_streamed,
+        });
+        memory_of_pieces(&parsed.args, need.as_ref(), true)
+    }
+
+    #[test]
+    fn pieces_are_built_where_they_are_asked_for_or_needed() {
+        assert_eq!(memory(&["a.ply"], None), None);
+        assert_eq!(memory(&["a.ply", "--memory", "1GiB"], None), Some(1 << 30));
+        assert!(memory(&["a.las", "b.las"], None) >= Some(LEAST_MEMORY));
+        assert!(memory(&["a.ply"], Some(true)) >= Some(LEAST_MEMORY));
+        assert_eq!(memory(&["a.obj"], Some(false)), None);
+        // Records of patches take the whole model, which its reader refuses.
+        assert_eq!(memory(&["a.ply", "--patches"], Some(true)), None);
+    }
+}
