@@ -47,6 +47,7 @@ pub mod bench;
 pub mod chart;
 pub mod cut;
 pub mod error;
+pub mod free_memory;
 pub mod generate;
 pub mod gpu;
 pub mod image;

@@ -34,6 +34,7 @@ const LAYERS: &[Layer] = &[
     layer("math", &[]),
     // Threads that frames share.
     layer("threads", &[]),
+    layer("free_memory", &[]),
     // Vectors as wide as the processor has them.
     layer("simd", &[]),
     // Words out of files, fit to be shown.
@@ -72,7 +73,15 @@ const LAYERS: &[Layer] = &[
     layer(
         "pages",
         &[
-            "progress", "math", "threads", "mesh", "abi", "tree", "cut", "patches",
+            "progress",
+            "math",
+            "threads",
+            "free_memory",
+            "mesh",
+            "abi",
+            "tree",
+            "cut",
+            "patches",
         ],
     ),
     // Calibrated cameras and what a photograph shows of a surface: plain values, that every backend draws by.
@@ -193,6 +202,7 @@ const LAYERS: &[Layer] = &[
             "progress",
             "math",
             "printable",
+            "free_memory",
             "mesh",
             "input",
             "generate",

@@ -118,7 +118,7 @@ impl BenchArgs {
             memory::require(
                 "the statue of 1 to 64 million triangles",
                 all,
-                memory::available(),
+                surfel::free_memory::available(),
             )?;
         }
         self.csv.as_deref().map_or(Ok(()), super::require_folder)

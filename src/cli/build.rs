@@ -82,10 +82,10 @@ fn memory_of_pieces(args: &BuildArgs, need: Option<&MemoryNeed>, quiet: bool) ->
     let need = need.filter(|need| need.is_streamed && !args.patches)?;
     if !quiet {
         say(&format!(
-            "surfel: {}: {} take about {} of memory as a whole, and {} are free: built piece by piece, as --memory does",
+            "surfel: {}: about {} of memory are needed for {}, and {} are free: built piece by piece, as --memory does",
             args.source.model.display(),
-            need.what,
             bytes(need.needed),
+            need.what,
             bytes(need.free)
         ));
     }
@@ -106,12 +106,11 @@ fn build_in_pieces(
         return Err(super::usage(cause));
     }
     if args.source.weld {
-        let cause = "--weld needs the whole model in memory: leave it or --memory out";
+        let cause = "--weld needs the whole model in memory, and this one is built piece by piece: leave --weld out";
         return Err(super::usage(cause));
     }
     if !options.keep.is_empty() {
-        let cause =
-            "--keep and --clip-box need the whole model in memory: leave them or --memory out";
+        let cause = "--keep and --clip-box need the whole model in memory, and this one is built piece by piece: leave them out";
         return Err(super::usage(cause));
     }
     let name = args.source.model.display();

@@ -23,18 +23,11 @@ impl fmt::Display for FilePlace {
 
 /// Writes bytes in metric units.
 fn metric(bytes: u64) -> String {
-    let mut value = bytes as f64;
-    let mut units = ["B", "kB", "MB", "GB", "TB"].into_iter();
-    let mut unit = units.next().unwrap_or_default();
-    for next in units.take_while(|_| bytes >= 1000) {
-        if value < 1000.0 {
-            break;
-        }
-        (value, unit) = (value / 1000.0, next);
-    }
-    match unit {
-        "B" => format!("{bytes} B"),
-        _ => format!("{value:.1} {unit}"),
+    const UNITS: [(&str, f64); 4] = [("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)];
+    let value = bytes as f64;
+    match UNITS.iter().find(|(_, size)| value >= *size) {
+        Some((unit, size)) => format!("{:.1} {unit}", value / size),
+        None => format!("{bytes} B"),
     }
 }
 
@@ -95,7 +88,7 @@ pub enum Error {
         limit: u64,
     },
     /// The model as a whole takes more memory than there is.
-    #[error("{}: {what} take{} about {} of memory as a whole, and {} are free; {advice}", path.display(), if what == "it" { "s" } else { "" }, metric(*needed), metric(*free))]
+    #[error("{}: about {} of memory are needed for {what}, and {} are free; {advice}", path.display(), metric(*needed), metric(*free))]
     NeedsMemory {
         /// The file, or the name of a generator.
         path: PathBuf,

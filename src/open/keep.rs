@@ -2,10 +2,10 @@
 
 use super::OpenedModel;
 use crate::Error;
+use crate::free_memory;
 use crate::input::{self, FilteredPoints, PointFilter, ReadWarning};
 use crate::mesh::Mesh;
 use crate::mesh::attributes::{AttributeColumn, PointAttributes};
-use crate::pages::cache::free_memory;
 use crate::pages::file::PagedFile;
 use crate::progress::Progress;
 use crate::tree::{self, BuildOptions, Model};
@@ -37,7 +37,7 @@ const LEAF_BYTES: u64 = 150;
 /// Refuses a paged file that would not fit the memory: only all of its pages together can be cut down.
 pub(super) fn check_memory(file: &PagedFile, path: &Path) -> Result<(), input::Error> {
     let found = file.header().leaf_count.saturating_mul(LEAF_BYTES);
-    match free_memory() {
+    match free_memory::available() {
         Some(limit) if found > limit => Err(input::Error::TooLarge {
             path: path.to_owned(),
             what: "bytes of memory for a paged file of which a part is kept",

@@ -2,6 +2,7 @@
 
 use super::cut::{NeededPage, ResidentPages};
 use super::page::DecodedPage;
+use crate::free_memory;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -38,28 +39,11 @@ impl CacheKey {
     }
 }
 
-/// Bytes of memory that the system has free; `None` where it does not say.
-pub fn free_memory() -> Option<u64> {
-    memory_line("MemAvailable:")
-}
-
-/// Bytes that a program can have of the system before it is ended: free memory and room to swap; `None` where it does not say.
-pub fn usable_memory() -> Option<u64> {
-    Some(free_memory()? + memory_line("SwapFree:").unwrap_or(0))
-}
-
-fn memory_line(name: &str) -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find(|line| line.starts_with(name))?;
-    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib * 1024)
-}
-
 /// The usual budget: half of the memory that the system has free, at most 4 GiB; 1 GiB where it does not say.
 pub fn usual_budget() -> u64 {
     const MOST: u64 = 4 << 30;
     const UNKNOWN: u64 = 1 << 30;
-    free_memory().map_or(UNKNOWN, |free| (free / 2).min(MOST))
+    free_memory::available().map_or(UNKNOWN, |free| (free / 2).min(MOST))
 }
 
 /// What taking in a page changed.

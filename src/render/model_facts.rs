@@ -167,7 +167,7 @@ impl ModelFacts {
         }
     }
 
-    /// The same model with another median radius of points.
+    /// Facts of the same model with another median radius of points.
     pub(crate) fn with_point_radius(&self, point_radius: f32) -> Self {
         let drawn = DrawnFacts {
             point_radius,

@@ -72,7 +72,7 @@ mod tests {
     use super::*;
     use crate::pages::quantize::TestNumbers;
 
-    /// Of triangles of all shapes, in whole batches and a part of one.
+    /// Triangles have all shapes, and fill whole batches and a part of one.
     #[test]
     fn each_is_that_of_its_triangle_alone() {
         let mut numbers = TestNumbers(5);

@@ -75,7 +75,7 @@ fn cuts_have_numbers_of_their_own_and_rest_with_the_view() {
     assert!(pages.parts().count() > 10 && pages.resident().count() == pages.resident_pages());
 }
 
-/// What ambient occlusion takes for a plane is that of the whole cloud, and of a surface nothing.
+/// Median radii of points, by which ambient occlusion knows a plane, are those of the whole cloud, and 0 for a surface.
 #[test]
 fn clouds_know_how_wide_their_points_are() {
     for is_cloud in [true, false] {
