@@ -1,8 +1,8 @@
 //! A sparse grid that counts leaves while they pass by, and its division into chunks of bounded size.
 //!
 //! Source: Schütz, Ohrhallinger and Wimmer, *Fast Out-of-Core Octree Generation for Massive Point Clouds* (2020): count
-//! into cells, join cells into chunks, distribute. There the cells are those of an octree; here they are runs along a Hilbert
-//! curve, so that chunks are compact and none is small.
+//! into cells, join cells into chunks, distribute. There the cells are those of an octree; here they are divided by planes, so
+//! that chunks are compact and all about as large.
 //!
 //! The grid is anchored at the first leaf, and its cells grow until all leaves fit and few are counted. So it depends on the
 //! order of the input alone. Cells with too many leaves are divided once more, which takes another look at the input.
@@ -226,30 +226,64 @@ impl ChunkCells {
     }
 
     /// Joins the cells into chunks of at most `most` leaves (more only where a cell that cannot be divided has more, or to
-    /// leave no small rest) and returns the number of leaves of each, in their order along the curve.
+    /// leave no small rest) and returns the number of leaves of each. Neighbors in this order are neighbors in space.
     pub(super) fn join(&mut self, most: u64) -> Vec<u64> {
-        let mut keys: Vec<(u128, u64)> = self
-            .coarse
-            .keys()
-            .map(|&key| (hilbert(cell_of(key).map(|c| (c + REACH) as u32), 21), key))
-            .collect();
-        keys.par_sort_unstable();
-        let counted = |kind: &CellKind| match *kind {
-            CellKind::Counted(count) => count,
-            _ => 0,
+        let mut cells = self.counted();
+        cells.par_sort_unstable_by_key(|cell| cell.home);
+        let total = cells.iter().map(|cell| cell.count).sum();
+        let mut counts = Vec::new();
+        let mut put = |group: &[CountedCell]| {
+            let chunk = CellKind::Chunk(counts.len() as u32);
+            counts.push(group.iter().map(|cell| cell.count).sum());
+            for cell in group {
+                let kind = match cell.home {
+                    CellHome::Coarse(key) => self.coarse.get_mut(&key),
+                    CellHome::Finer(cells, cell) => self.finer[cells as usize].get_mut(&cell),
+                };
+                if let Some(kind) = kind {
+                    *kind = chunk;
+                }
+            }
         };
-        let fine = self.finer.iter().flat_map(MixMap::values);
-        let mut run = ChunkRun {
+        let largest = cells.iter().map(|cell| cell.count).max().unwrap_or(0);
+        let division = CellDivision {
             most,
-            left: self.coarse.values().chain(fine).map(counted).sum(),
-            counts: Vec::new(),
+            least: (most / LEAST_PART).max(1),
+            slack: (2 * largest).min(most / HOT_PART),
         };
-        for (_, key) in keys {
-            if let Some(kind) = self.coarse.get_mut(&key) {
-                put(kind, &mut self.finer, &mut run);
+        division.divide(&mut cells, (total, division.parts(total)), &mut put);
+        counts
+    }
+
+    /// The cells that leaves were counted in, in no order.
+    fn counted(&self) -> Vec<CountedCell> {
+        let mut found = Vec::new();
+        // Cells that are still to be looked at: what they are and where they are kept, lowest corner and side.
+        let mut open: Vec<(CellKind, CellHome, DVec3, f64)> = (self.coarse.iter())
+            .map(|(&key, &kind)| {
+                let corner = cell_of(key).map(|c| c as f64).into();
+                (kind, CellHome::Coarse(key), corner, 1.0)
+            })
+            .collect();
+        while let Some((kind, home, corner, side)) = open.pop() {
+            match kind {
+                CellKind::Counted(count) => found.push(CountedCell {
+                    middle: corner + 0.5 * side,
+                    count,
+                    home,
+                }),
+                CellKind::Divided(cells) => {
+                    let side = side / f64::from(FINER);
+                    open.extend(self.finer[cells as usize].iter().map(|(&cell, &kind)| {
+                        let place = [cell / (FINER * FINER), cell / FINER % FINER, cell % FINER];
+                        let own = corner + DVec3::from(place.map(f64::from)) * side;
+                        (kind, CellHome::Finer(cells, cell), own, side)
+                    }));
+                }
+                CellKind::Chunk(_) => {}
             }
         }
-        run.counts
+        found
     }
 
     /// The chunk of a leaf at a place; one that was counted.
@@ -270,110 +304,100 @@ impl ChunkCells {
     }
 }
 
-/// Chunks so far; the last is still open.
-struct ChunkRun {
+/// Place where a cell is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum CellHome {
+    /// Key of a coarse cell.
+    Coarse(u64),
+    /// Number of a divided cell, and of the finer one in it.
+    Finer(u32, u32),
+}
+
+/// A cell with its number of leaves.
+#[derive(Debug, Clone, Copy)]
+struct CountedCell {
+    /// Middle of the cell, in sides of coarse cells from the anchor; exact.
+    middle: DVec3,
+    count: u64,
+    home: CellHome,
+}
+
+/// Rules by which cells are divided among chunks.
+#[derive(Debug, Clone, Copy)]
+struct CellDivision {
+    /// Most leaves of a chunk.
     most: u64,
-    /// Leaves that are in no chunk yet.
-    left: u64,
-    counts: Vec<u64>,
+    /// Least leaves of a chunk, where there are several.
+    least: u64,
+    /// Leaves that chunks are planned to have less than `most`: borders of cells move each division by up to half a cell.
+    slack: u64,
 }
 
-impl ChunkRun {
-    /// The chunk of the next cell along the curve.
-    fn chunk(&mut self, count: u64) -> u32 {
-        let least = self.most / LEAST_PART;
-        match self.counts.last_mut() {
-            Some(last) if *last + count <= self.most || *last < least || self.left < least => {
-                *last += count;
+impl CellDivision {
+    /// Number of chunks for some leaves.
+    fn parts(&self, leaves: u64) -> u64 {
+        leaves.div_ceil((self.most - self.slack).max(1)).max(1)
+    }
+
+    /// Divides cells among a number of chunks by planes across their longest extent, and gives each chunk's cells. The leaves
+    /// are divided in the proportion of the chunks, as far as cells allow.
+    fn divide(
+        &self,
+        cells: &mut [CountedCell],
+        (leaves, planned): (u64, u64),
+        put: &mut dyn FnMut(&[CountedCell]),
+    ) {
+        // The plan holds unless these cells came out larger or smaller.
+        let own = self.parts(leaves);
+        let has_room = leaves <= planned * self.most - planned * self.slack / 2;
+        let parts = if has_room { planned.min(own) } else { own };
+        if parts > 1 {
+            sort_along(cells);
+            let low_parts = parts / 2;
+            let wanted = leaves * low_parts / parts;
+            if let Some((index, before)) = self.border(cells, leaves, wanted) {
+                let (low, high) = cells.split_at_mut(index);
+                self.divide(low, (before, low_parts), put);
+                self.divide(high, (leaves - before, parts - low_parts), put);
+                return;
             }
-            _ => self.counts.push(count),
         }
-        self.left -= count;
-        self.counts.len() as u32 - 1
+        put(cells);
+    }
+
+    /// Number of the first cells that have about `wanted` leaves of all together, and their leaves; `None` where either side
+    /// would be small.
+    fn border(&self, cells: &[CountedCell], leaves: u64, wanted: u64) -> Option<(usize, u64)> {
+        let mut before = 0;
+        let borders = cells.iter().enumerate().map(|(index, cell)| {
+            let border = (index, before);
+            before += cell.count;
+            border
+        });
+        borders
+            .filter(|&(_, before)| before.min(leaves - before) >= self.least)
+            .min_by_key(|&(_, before)| before.abs_diff(wanted))
     }
 }
 
-/// Puts a cell, with all in it, into chunks.
-fn put(kind: &mut CellKind, finer: &mut [FinerCells], run: &mut ChunkRun) {
-    match *kind {
-        CellKind::Counted(count) => *kind = CellKind::Chunk(run.chunk(count)),
-        CellKind::Chunk(_) => {}
-        CellKind::Divided(cells) => {
-            let mut own = std::mem::take(&mut finer[cells as usize]);
-            let bits = FINER.ilog2();
-            let mut order: Vec<(u128, u32)> = own
-                .keys()
-                .map(|&cell| {
-                    let place = [cell / (FINER * FINER), cell / FINER % FINER, cell % FINER];
-                    (hilbert(place, bits), cell)
-                })
-                .collect();
-            order.sort_unstable();
-            for (_, cell) in order {
-                if let Some(kind) = own.get_mut(&cell) {
-                    put(kind, finer, run);
-                }
-            }
-            finer[cells as usize] = own;
-        }
-    }
-}
-
-/// Place along the Hilbert curve through a cube of 2^bits cells an axis. After J. Skilling, *Programming the Hilbert Curve*
-/// (2004).
-fn hilbert(mut axes: [u32; 3], bits: u32) -> u128 {
-    let top = 1u32 << (bits - 1);
-    let mut q = top;
-    while q > 1 {
-        let p = q - 1;
-        for i in 0..3 {
-            if axes[i] & q != 0 {
-                axes[0] ^= p;
-            } else {
-                let t = (axes[0] ^ axes[i]) & p;
-                axes[0] ^= t;
-                axes[i] ^= t;
-            }
-        }
-        q >>= 1;
-    }
-    axes[1] ^= axes[0];
-    axes[2] ^= axes[1];
-    let mut t = 0;
-    q = top;
-    while q > 1 {
-        if axes[2] & q != 0 {
-            t ^= q - 1;
-        }
-        q >>= 1;
-    }
-    let mut index = 0u128;
-    for bit in (0..bits).rev() {
-        for axis in axes {
-            index = (index << 1) | u128::from(((axis ^ t) >> bit) & 1);
-        }
-    }
-    index
+/// Sorts cells along the longest extent of their box.
+fn sort_along(cells: &mut [CountedCell]) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (min, max) = (cells.iter()).fold(none, |(min, max), cell| {
+        (min.min(cell.middle), max.max(cell.middle))
+    });
+    let first = (max - min).max_position();
+    let axes = [first, (first + 1) % 3, (first + 2) % 3];
+    cells.par_sort_unstable_by(|a, b| {
+        let by = |axis: usize| a.middle[axis].total_cmp(&b.middle[axis]);
+        by(axes[0]).then(by(axes[1])).then(by(axes[2]))
+    });
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
-
-    #[test]
-    fn neighbors_on_the_curve_are_neighbors_in_space() {
-        let mut cells: Vec<(u128, [u32; 3])> = (0..4096u32)
-            .map(|i| [i / 256, i / 16 % 16, i % 16])
-            .map(|cell| (hilbert(cell, 4), cell))
-            .collect();
-        cells.sort_unstable();
-        for (index, pair) in cells.windows(2).enumerate() {
-            assert_eq!(pair[0].0, index as u128, "every place once");
-            let steps = (0..3).map(|axis| pair[0].1[axis].abs_diff(pair[1].1[axis]));
-            assert_eq!(steps.sum::<u32>(), 1, "{pair:?}");
-        }
-    }
 
     fn random(count: usize, spread: impl Fn(f64) -> f64) -> Vec<DVec3> {
         let mut state = 1u64;
