@@ -28,11 +28,18 @@ impl ErrorTolerances {
     /// the shade changes with the angle of surfaces, and thickness with its square.
     pub fn within(inside_px: f32) -> Self {
         let usual = Self::default();
-        let factor = inside_px / usual.inside_px;
         Self {
-            rim_px: usual.rim_px * factor,
             inside_px,
-            shade_levels: usual.shade_levels * factor.sqrt(),
+            ..usual.times(inside_px / usual.inside_px)
+        }
+    }
+
+    /// Tolerances that are `factor` times as large in pixels, and its root in grey levels. Those that draw no patches stay.
+    pub fn times(&self, factor: f32) -> Self {
+        Self {
+            rim_px: self.rim_px * factor,
+            inside_px: self.inside_px * factor,
+            shade_levels: self.shade_levels * factor.sqrt(),
         }
     }
 

@@ -20,6 +20,19 @@ use std::time::Instant;
 /// So long the view rests before its picture gets smoother, seconds: hands that turn pause for less.
 const REST_S: f64 = 0.25;
 
+/// Settings with another threshold, pixels, and tolerances of error patches in the same proportion.
+fn coarser(settings: &Settings, threshold_px: f32) -> Settings {
+    let mut coarser = Settings {
+        threshold_px,
+        ..*settings
+    };
+    if let Some(rules) = &mut coarser.patches {
+        let factor = threshold_px / settings.threshold_px.max(1.0);
+        rules.tolerances = rules.tolerances.times(factor.clamp(1.0, 1e3));
+    }
+    coarser
+}
+
 impl ViewerApp {
     /// What the frames that have finished cost, as events.
     pub(in crate::viewer) fn finished(&mut self) -> Vec<ViewerEvent> {
@@ -139,17 +152,11 @@ impl ViewerApp {
             });
             control.know(screen.costs_of(settings.splat));
             let px = if is_planned {
-                control.plan(place, |threshold_px| {
-                    let settings = Settings {
-                        threshold_px,
-                        ..settings
-                    };
-                    screen.predict(&settings, &camera)
-                })
+                control.plan(place, |px| screen.predict(&coarser(&settings, px), &camera))
             } else {
                 control.threshold_px()
             };
-            settings.threshold_px = px.max(settings.threshold_px);
+            settings = coarser(&settings, px.max(settings.threshold_px));
             let mut work = is_new_picture.then(|| self.screen.predict(&settings, &camera));
             if let (true, Some(work)) = (is_planned, &mut work) {
                 // Of the drawn frame only this is comparable with what is foreseen of others.
@@ -404,6 +411,7 @@ fn fit(camera: &Camera, (width, height): (u32, u32)) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::patches::{ErrorTolerances, PatchRules};
 
     #[test]
     fn a_camera_that_is_fitted_keeps_its_height_and_square_pixels() {
@@ -415,5 +423,18 @@ mod tests {
         assert_eq!(wide.proj.y_axis, camera.proj.y_axis);
         let square = wide.proj.x_axis.x * 900.0 / (wide.proj.y_axis.y * 300.0);
         assert!((square - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn coarser_frames_have_coarser_patches_too() {
+        let settings = Settings {
+            threshold_px: 2.0,
+            patches: Some(PatchRules::default()),
+            ..Settings::default()
+        };
+        let tolerances = |px| coarser(&settings, px).patches.map(|rules| rules.tolerances);
+        assert_eq!(tolerances(2.0), Some(ErrorTolerances::default()));
+        assert_eq!(tolerances(8.0), Some(ErrorTolerances::within(1.0)));
+        assert_eq!(coarser(&settings, 8.0).threshold_px, 8.0);
     }
 }
