@@ -17,7 +17,7 @@ use surfel::tree;
 /// Build the tree of a model and write it to a file that opens at once.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  surfel build scan.ply -o scan.surfel && surfel render scan.surfel -o scan.png\n  surfel build tiles/a.laz tiles/b.laz --memory 1GiB -o town.surfel"
+    after_help = "Examples:\n  surfel build scan.ply -o scan.surfel && surfel render scan.surfel -o scan.png\n  surfel build tiles/a.laz tiles/b.laz --memory 1GiB -o town.surfel\n  surfel build part.ply --exact                               keeps every bit of positions"
 )]
 pub(crate) struct BuildArgs {
     #[command(flatten)]
@@ -28,17 +28,20 @@ pub(crate) struct BuildArgs {
     /// Tree file to write; the model's name with .surfel if not given
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Write the paged kind: a fifth of the bytes, positions and normals rounded
-    #[arg(long)]
+    /// Keep positions and normals to the last bit, in five times the bytes and more, in a file that is read whole
+    #[arg(long, conflicts_with_all = ["memory", "paged", "page_leaves"])]
+    exact: bool,
+    /// Paged kind, which is written unless --exact is given; earlier versions asked for it
+    #[arg(long, hide = true)]
     paged: bool,
-    /// Keep what --error needs beside the tree, so that no start computes it: 16 bytes a triangle, with colors 21, paged 3 to 8,
-    /// and some seconds a million triangles
+    /// Keep what --error needs beside the tree, so that no start computes it: 3 to 8 bytes a triangle, with --exact 16, with
+    /// colors 21, and some seconds a million triangles
     #[arg(long, conflicts_with = "memory")]
     patches: bool,
     /// Leaves of a page at most, 16 to 16384: small pages bring less that is not needed, large ones take fewer bytes
     #[arg(long, value_name = "N", default_value_t = PagedOptions::default().page_leaves, value_parser = parse_page_leaves)]
     page_leaves: usize,
-    /// Read and build the model piece by piece with about this much memory, such as 1GiB; writes the paged kind [default: half of
+    /// Read and build the model piece by piece with about this much memory, such as 1GiB [default: half of
     /// what is free, at most 4GiB, where the model as a whole takes more memory than there is, or there are several]
     #[arg(long, value_name = "SIZE", value_parser = parse_memory)]
     memory: Option<u64>,
@@ -79,6 +82,9 @@ fn memory_of_pieces(args: &BuildArgs, need: Option<&MemoryNeed>, quiet: bool) ->
     if !args.more.is_empty() {
         return Some(usual());
     }
+    if args.exact {
+        return None;
+    }
     let need = need.filter(|need| need.is_streamed && !args.patches)?;
     if !quiet {
         say(&format!(
@@ -101,6 +107,10 @@ fn build_in_pieces(
 ) -> Result<bool, CommandFailure> {
     let bar = JobBar::new(quiet);
     let options = args.source.options()?;
+    if args.exact {
+        let cause = "--exact needs the whole model in memory: build one model with it";
+        return Err(super::usage(cause));
+    }
     if args.patches {
         let cause = "--patches needs the whole model in memory: build one model with it";
         return Err(super::usage(cause));
@@ -249,7 +259,6 @@ pub(crate) fn run(args: BuildArgs, quiet: bool) -> Outcome {
         return Ok(());
     }
     let pages = args.pages();
-    let is_paged = args.paged || memory.is_some();
     let mut ready = args.source.open(quiet)?;
     if args.patches {
         check_patches(&ready)?;
@@ -265,7 +274,7 @@ pub(crate) fn run(args: BuildArgs, quiet: bool) -> Outcome {
     let bar = JobBar::new(quiet);
     let written = write_model(
         &mut ready,
-        is_paged.then_some(&pages),
+        (!args.exact).then_some(&pages),
         args.patches,
         &output,
         &bar,
@@ -327,6 +336,7 @@ mod tests {
         assert!(memory(&["a.las", "b.las"], None) >= Some(LEAST_MEMORY));
         assert!(memory(&["a.ply"], Some(true)) >= Some(LEAST_MEMORY));
         assert_eq!(memory(&["a.obj"], Some(false)), None);
+        assert_eq!(memory(&["a.ply", "--exact"], Some(true)), None);
         // Records of patches take the whole model, which its reader refuses.
         assert_eq!(memory(&["a.ply", "--patches"], Some(true)), None);
     }

@@ -58,9 +58,7 @@ pub(crate) fn run(args: &JoinArgs, quiet: bool) -> Outcome {
         let opened = open(tree, folder);
         let own = opened
             .with_context(|| {
-                format!(
-                    "{name} cannot be joined; trees to be joined are paged (surfel build --paged)"
-                )
+                format!("{name} cannot be joined; trees to be joined are paged (surfel build)")
             })
             .map_err(CommandFailure::Input)?;
         if let Some(other) = members.iter().find(|other| other.path == own.path) {

@@ -162,12 +162,6 @@ impl StagedScene {
         most: usize,
         quiet: bool,
     ) -> Result<Self, CommandFailure> {
-        if opened.paged.is_some() {
-            return Err(usage(format!(
-                "{}: photographs are put on a model that is in memory as a whole, and this is a paged file",
-                opened.name
-            )));
-        }
         let drawer = SurfaceDrawer::new(backend, &opened.model);
         let bar = JobBar::new(quiet);
         let (stage, remarks) = PhotoStage::load(&scene, &drawer, most, LONGEST_SIDE, &bar)?;

@@ -439,7 +439,8 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
             "--cut-camera: only --method pop and --method splats draw a cut",
         ));
     }
-    let streams_pages = settings.method == Method::Pop && !args.look.is_auto();
+    let has_photos = args.photos.photos.is_some();
+    let streams_pages = settings.method == Method::Pop && !args.look.is_auto() && !has_photos;
     let mut opened = args.open(streams_pages, quiet)?;
     let others = opened.split_off(1);
     let ready = opened.remove(0);

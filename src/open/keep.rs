@@ -31,18 +31,28 @@ pub(super) fn build(
     Ok(model)
 }
 
-/// Bytes of a leaf in memory with its share of vertices and nodes, and half of that again for the part that is kept.
-const LEAF_BYTES: u64 = 150;
+/// Bytes of a leaf in memory with its share of vertices and nodes.
+const LEAF_BYTES: u64 = 100;
 
-/// Refuses a paged file that would not fit the memory: only all of its pages together can be cut down.
-pub(super) fn check_memory(file: &PagedFile, path: &Path) -> Result<(), input::Error> {
-    let found = file.header().leaf_count.saturating_mul(LEAF_BYTES);
-    match free_memory::available() {
-        Some(limit) if found > limit => Err(input::Error::TooLarge {
-            path: path.to_owned(),
-            what: "bytes of memory for a paged file of which a part is kept",
-            found,
-            limit,
+/// Refuses a paged file that would not fit `limit` bytes of memory as a whole: a part is kept of all of its pages together, and
+/// photographs are put on them all. A part that is kept takes half of that again, at most.
+pub(super) fn check_memory(
+    file: &PagedFile,
+    keeps_part: bool,
+    limit: Option<u64>,
+) -> Result<(), input::Error> {
+    let leaf_bytes = LEAF_BYTES + if keeps_part { LEAF_BYTES / 2 } else { 0 };
+    let leaves = file.header().leaf_count;
+    let needed = leaves.saturating_mul(leaf_bytes);
+    match limit.or_else(free_memory::available) {
+        Some(free) if needed > free => Err(input::Error::NeedsMemory {
+            path: Path::new(file.name()).to_owned(),
+            what: format!("its {leaves} triangles or points as a whole"),
+            needed,
+            free,
+            advice: "draw it in pages: leave out what needs the whole of it, such as photographs, a part that is kept, \
+                     or another --method"
+                .to_owned(),
         }),
         _ => Ok(()),
     }

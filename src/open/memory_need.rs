@@ -156,11 +156,19 @@ mod tests {
         }
         let opened = open(&ply, &options(110_000), &SilentProgress).unwrap();
         assert_eq!(opened.model.vertices.len(), 1000);
-        // A paged file is as large as one likes, a whole tree is not.
+        // A paged file is as large as one likes, unless all of it is wanted; a whole tree is not.
         let paged = folder.path().join("paged.surfel");
         let in_pages = to_bytes(&opened.model, &PagedOptions::default());
         std::fs::write(&paged, in_pages.unwrap()).unwrap();
         assert!(open(&paged, &options(10), &SilentProgress).is_ok());
+        let all_of_it = |memory_bytes| OpenOptions {
+            streams_pages: false,
+            ..options(memory_bytes)
+        };
+        let refused = open(&paged, &all_of_it(99_999), &SilentProgress);
+        let text = refused.unwrap_err().to_string();
+        assert!(text.contains("draw it in pages"), "{text}");
+        assert!(open(&paged, &all_of_it(100_000), &SilentProgress).is_ok());
         let whole = folder.path().join("whole.surfel");
         tree::file::write(&opened.model, &whole).unwrap();
         assert!(refusal(&whole, 10_000).contains("convert it"));

@@ -12,7 +12,6 @@ use crate::pages::join;
 use crate::pages::source::ByteSource;
 use crate::progress::Progress;
 use crate::tree;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Tells whether a name is an address: a scheme, `://` and more.
@@ -53,9 +52,7 @@ pub(super) fn read_pages(
             ..SourceContent::tree(model, file_bytes)
         });
     }
-    if !options.keep.is_empty() {
-        keep::check_memory(&file, Path::new(file.name()))?;
-    }
+    keep::check_memory(&file, !options.keep.is_empty(), options.memory_bytes)?;
     let model = join::whole_model(&file, progress)?;
     Ok(SourceContent {
         format: SourceFormat::PagedTree,
@@ -79,7 +76,7 @@ pub(super) fn read_address(
     let mut start = [0; MAGIC.len()];
     let read = source.read_at(0, &mut start);
     if read.is_err() || !is_paged_file(&start) {
-        let cause = "not a paged tree, the only kind of file that is read over a network; download it, or put one there (surfel build --paged)";
+        let cause = "not a paged tree, the only kind of file that is read over a network; download it, or put one there (surfel build)";
         return Err(failed(cause.to_owned()).into());
     }
     read_pages(Arc::new(source), options, progress)

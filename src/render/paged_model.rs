@@ -249,7 +249,7 @@ impl PagedModel {
         if settings.drawn_patches().is_some() && !self.file.has_patches() {
             return Err(Error::Unsupported {
                 what: "error patches of this paged file",
-                why: "its pages have no records of them; leave --error out, or build the file with --paged --patches".into(),
+                why: "its pages have no records of them; leave --error out, or build the file with --patches".into(),
             });
         }
         self.take_pages();

@@ -48,6 +48,8 @@ pub struct ModelRequest {
     pub crease_degrees: Option<f32>,
     /// Position of being first: its points are colored as it is opened, those of the others once all are there.
     pub is_first: bool,
+    /// Wish for all pages of a paged file at once.
+    pub reads_whole: bool,
 }
 
 /// A model that was loaded.

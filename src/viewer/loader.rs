@@ -57,6 +57,7 @@ pub struct ModelLoader {
     color: Option<ColorSetting>,
     /// A sample of the points may be shown while they are read: it looks as they will.
     is_sampled: bool,
+    reads_whole: bool,
     job: Option<LoadJob>,
 }
 
@@ -82,15 +83,12 @@ impl ModelLoader {
         let crease_degrees = options.tree.crease_degrees;
         let color = options.input.color.clone();
         let is_sampled = options.keep.is_empty() && options.input.color.is_none();
-        let options = OpenOptions {
-            streams_pages: true,
-            ..options
-        };
         let open = move |request: &ModelRequest,
                          progress: &dyn Progress,
                          on_preview: &mut dyn FnMut(Model)| {
             let mut options = options.clone();
             options.placement = request.placement;
+            options.streams_pages = !request.reads_whole;
             options.tree.crease_degrees = request.crease_degrees;
             options.input.color = options.input.color.filter(|_| request.is_first);
             let mut on_mesh = |mesh: &Mesh| {
@@ -131,8 +129,14 @@ impl ModelLoader {
             crease_degrees: None,
             color: None,
             is_sampled: false,
+            reads_whole: false,
             job: None,
         }
+    }
+
+    /// Reads paged files whole from now on, or leaves their pages where they are.
+    pub fn read_whole(&mut self, reads_whole: bool) {
+        self.reads_whole = reads_whole;
     }
 
     /// Where models are copied to from now on, and whether with the indices of all triangles.
@@ -153,6 +157,7 @@ impl ModelLoader {
             placement: placed.map_or_else(MeshPlacement::default, |(_, placement)| *placement),
             crease_degrees: self.crease_degrees,
             is_first: index == 0,
+            reads_whole: self.reads_whole,
         }
     }
 

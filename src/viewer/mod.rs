@@ -231,6 +231,7 @@ pub fn run(
     let placed = [&options.model].into_iter().chain(&options.more).cloned();
     let placed = placed.zip(options.placements.iter().copied()).collect();
     let mut loader = ModelLoader::new(options.opening.clone(), options.paged, placed);
+    loader.read_whole(options.photos.scene.is_some());
     let outcome = if options.headless {
         replay_headless(options, &mut loader, should_stop)
     } else {

@@ -138,7 +138,7 @@ fn limited(at: &Path, name: &str) -> super::harness::Run {
 fn seeds(at: &Path) -> Vec<(String, Vec<u8>, bool)> {
     // Name, bytes, and whether every truncation has to be noticed (text may end early and be whole).
     expect(at, 0, "generate statue --triangles 200 -o statue.ply");
-    expect(at, 0, "build statue.ply -o statue.surfel");
+    expect(at, 0, "build statue.ply --exact -o statue.surfel");
     let mut seeds: Vec<(String, Vec<u8>, bool)> = ["statue.ply", "statue.surfel"]
         .iter()
         .map(|n| ((*n).to_owned(), std::fs::read(at.join(n)).unwrap(), true))

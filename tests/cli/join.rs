@@ -22,7 +22,7 @@ fn tile(at: &Path, name: &str, x: f64, y: f64) {
         }
     }
     std::fs::write(at.join("tile.obj"), text).unwrap();
-    let line = format!("build tile.obj -o {name} --paged --page-leaves 128 -q");
+    let line = format!("build tile.obj -o {name} --page-leaves 128 -q");
     expect(at, 0, &line);
 }
 
@@ -126,7 +126,7 @@ fn a_missing_file_is_named_and_drawn_coarse_and_wrong_ones_are_refused() {
     assert!(run.text().contains("tiles/1.surfel"), "{}", run.text());
     for (line, cause) in [
         ("join tiles/1.surfel -o b.surfel", "tiles/1.surfel"),
-        ("join tile.obj -o b.surfel", "--paged"),
+        ("join tile.obj -o b.surfel", "surfel build"),
         (
             "join tiles/0.surfel all.surfel -o b.surfel",
             "joins files itself",

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 /// Writers of large files, with the file that each writes.
 const LARGE: &[(&str, &str)] = &[
     ("generate statue --triangles 400000 -o out.ply", "out.ply"),
+    ("build model.ply --exact -o out.surfel", "out.surfel"),
     ("build model.ply -o out.surfel", "out.surfel"),
-    ("build model.ply --paged -o out.surfel", "out.surfel"),
     (
         "render model.ply --device cpu --samples 1 --size 1500x1200 -o out.png",
         "out.png",

@@ -9,9 +9,13 @@ fn records_of_patches_stay_in_the_tree_file() {
     expect(
         at,
         0,
-        "build generate:statue:3000 -o with.surfel --patches -q",
+        "build generate:statue:3000 -o with.surfel --patches --exact -q",
     );
-    expect(at, 0, "build generate:statue:3000 -o without.surfel -q");
+    expect(
+        at,
+        0,
+        "build generate:statue:3000 -o without.surfel --exact -q",
+    );
     let bytes = |name: &str| {
         let facts = expect(at, 0, &format!("info {name} --json")).json();
         facts["patch_bytes"].as_u64()
@@ -31,7 +35,7 @@ fn records_of_patches_stay_in_the_tree_file() {
     std::fs::write(at.join("points.xyz"), "0 0 0\n1 0 0\n0 1 0\n").unwrap();
     let run = expect(at, 2, "build points.xyz -o p.surfel --patches -q");
     assert!(run.err.contains("only surfaces"), "{}", run.err);
-    expect(at, 2, "build points.xyz -o p.surfel --patches --paged");
+    expect(at, 2, "build points.xyz -o p.surfel --patches --exact");
     expect(
         at,
         2,
@@ -44,7 +48,7 @@ fn pages_keep_them_too() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let statue = "generate:statue:3000";
-    for (name, words) in [("with", "--paged --patches"), ("without", "--paged")] {
+    for (name, words) in [("with", "--patches"), ("without", "")] {
         let line = format!("build {statue} -o {name}.surfel --page-leaves 256 {words} -q");
         expect(at, 0, &line);
     }
@@ -60,9 +64,9 @@ fn pages_keep_them_too() {
     let words = "--error 0.15,0.25,24 --backend cpu --samples 1 --size 90x90 -o p.png -q";
     expect(at, 0, &format!("render with.surfel {words}"));
     let refused = expect(at, 2, &format!("render without.surfel {words}"));
-    assert!(refused.err.contains("--paged --patches"), "{}", refused.err);
+    assert!(refused.err.contains("--patches"), "{}", refused.err);
     // What was kept is kept again.
-    expect(at, 0, "build with.surfel -o whole.surfel -q");
-    expect(at, 0, "build whole.surfel -o again.surfel --paged -q");
+    expect(at, 0, "build with.surfel -o whole.surfel --exact -q");
+    expect(at, 0, "build whole.surfel -o again.surfel -q");
     assert_eq!(has_patches("again"), Some(true));
 }

@@ -107,8 +107,8 @@ fn a_tree_file_is_its_model() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     expect(at, 0, "generate statue --triangles 9000 -o a.ply");
-    expect(at, 0, "build a.ply -o b.surfel");
-    expect(at, 0, "build a.ply -o c.surfel");
+    expect(at, 0, "build a.ply --exact -o b.surfel");
+    expect(at, 0, "build a.ply --exact -o c.surfel");
     assert!(
         is_same(at, "b.surfel", "c.surfel"),
         "trees of one model differ"
@@ -432,7 +432,7 @@ fn filtered_splats_cover_rims_in_part() {
     let coverage = load(&at.join("c.png"));
     let part = coverage.color.iter().filter(|c| c[0] > 0.02 && c[0] < 0.98);
     assert!(part.count() > 20, "the rim is covered in part");
-    expect(at, 0, "build generate:statue:50000 -o s.surfel");
+    expect(at, 0, "build generate:statue:50000 --exact -o s.surfel");
     expect(
         at,
         0,

@@ -117,7 +117,7 @@ fn what_cannot_be_kept_is_said_by_name() {
 fn parts_of_trees_are_trees() {
     let made = tempfile::tempdir().unwrap();
     let at = made.path();
-    for kind in ["", "--paged"] {
+    for kind in ["--exact", ""] {
         let arguments = format!("build generate:square:20000 -o @a.surfel {kind}");
         let built = run(at, &arguments);
         assert_eq!(built.code, 0, "{}", built.err);
@@ -308,8 +308,8 @@ fn points_without_normals_are_given_those_of_planes_through_their_neighbors() {
     assert_eq!(normals("@all.csv --point-normals file"), (0, false));
     let info = run(at, "info @all.csv").text();
     assert!(info.contains("normals of 100 points estimated"), "{info}");
-    // A tree file keeps them, and so does a paged one.
-    for kind in ["", "--paged", "--memory 256MiB"] {
+    // A tree file keeps them, of every kind.
+    for kind in ["--exact", "", "--memory 256MiB"] {
         let build = run(at, &format!("build @all.csv -o @t.surfel -q {kind}"));
         assert_eq!(build.code, 0, "{}", build.err);
         let drawn = |name: &str| {

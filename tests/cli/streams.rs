@@ -178,15 +178,18 @@ fn standard_input_is_the_file() {
             "another picture"
         );
     }
-    // A tree as well.
-    expect(at, 0, "build a.ply -o a.surfel");
+    // Trees as well, of either kind.
+    for (kind, format) in [("", "paged surfel tree"), ("--exact", "surfel tree")] {
+        expect(at, 0, &format!("build a.ply -o a.surfel {kind}"));
+        let tree = std::fs::read(at.join("a.surfel")).unwrap();
+        let mut info = command();
+        info.args(["info", "-", "--json"]);
+        let run = run_with(info, Some(&tree));
+        assert_eq!((run.code, run.err.as_str()), (0, ""));
+        assert_eq!(run.json()["format"], format);
+        assert_eq!(run.json()["file_bytes"], tree.len());
+    }
     let tree = std::fs::read(at.join("a.surfel")).unwrap();
-    let mut info = command();
-    info.args(["info", "-", "--json"]);
-    let run = run_with(info, Some(&tree));
-    assert_eq!((run.code, run.err.as_str()), (0, ""));
-    assert_eq!(run.json()["format"], "surfel tree");
-    assert_eq!(run.json()["file_bytes"], tree.len());
     for (input, reason) in [
         (&tree[..tree.len() - 1], "standard input, byte"),
         (&bytes[..0], "standard input: the file is empty"),

@@ -6,8 +6,8 @@ use std::path::Path;
 /// Every command that writes, with the file it writes; `@` stands for the folder of the file.
 pub(crate) const WRITERS: &[(&str, &str)] = &[
     ("generate sphere --triangles 2000 -o @out.ply", "out.ply"),
+    ("build model.ply --exact -o @out.surfel", "out.surfel"),
     ("build model.ply -o @out.surfel", "out.surfel"),
-    ("build model.ply --paged -o @out.surfel", "out.surfel"),
     (
         "render model.ply --size 64x48 --device mirror -o @out.png",
         "out.png",

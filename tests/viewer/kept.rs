@@ -134,3 +134,46 @@ fn parts_are_kept_by_boxes_words_and_a_key() {
         assert_eq!(is_colored, step < 92, "{what}");
     }
 }
+
+#[test]
+fn points_of_a_paged_file_are_colored_once_all_of_it_is_read() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let rows: String = (0..400)
+        .map(|i| format!("{},{},{}\n", i % 20, i / 20, 0.25 * f64::from(i % 20)))
+        .collect();
+    std::fs::write(at.join("a.csv"), format!("x,y,z\n{rows}")).unwrap();
+    let build = ["build", "a.csv", "-o", "a.surfel"];
+    must_succeed(&run(display.surfel(&build).current_dir(at)));
+    let pictures = |model: &str| {
+        let mut steps = Steps::default();
+        let size = json!({"width": 300, "height": 250, "scale": 1.0});
+        steps.add(0, json!({ "size": size }));
+        steps.add(1, json!({ "loaded": model }));
+        steps.key(5, json!({"char": "a"}), true);
+        steps.add(7, json!({ "loaded": model }));
+        if model.ends_with(".surfel") {
+            // It came whole then, and the part that is colored comes after that.
+            steps.add(9, json!({ "loaded": model }));
+        }
+        let recording = format!("{{\"surfel_input\":1}}\n{}\n", steps.0.join("\n"));
+        std::fs::write(at.join("input.jsonl"), recording).unwrap();
+        let folder = at.join(format!("{model}-pictures"));
+        let mut command = display.surfel(&[model, "--smooth", "off", "--panel", "off"]);
+        command.args(["--headless", "--replay", "input.jsonl", "--pictures"]);
+        must_succeed(&run(command.arg(&folder).current_dir(at)));
+        let mut files: Vec<_> = std::fs::read_dir(&folder).unwrap().collect();
+        files.sort_by_key(|file| file.as_ref().unwrap().path());
+        let picture = |at: usize| load(&files[at].as_ref().unwrap().path());
+        (picture(1), picture(files.len() - 1))
+    };
+    let (plain, colored) = pictures("a.csv");
+    let (plain_pages, colored_pages) = pictures("a.surfel");
+    assert!(changed(&plain, &colored) > 1000);
+    assert!(changed(&plain, &plain_pages) < 300);
+    let differ = changed(&colored, &colored_pages);
+    assert!(differ < 300, "{differ} pixels differ");
+}

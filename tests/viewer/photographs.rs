@@ -1,6 +1,6 @@
 //! Photographs in the window: what is up in them is up in the view, and what a scene that is dropped is taken for.
 
-use super::display::{Display, load, must_succeed, run};
+use super::display::{Display, changed, load, must_succeed, run};
 use glam::DVec3;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -109,6 +109,15 @@ fn a_scene_on_an_empty_window_is_the_model_and_else_lies_on_it() {
     assert!(picture(&named, &[of_wall]) == on_wall);
     assert!(picture(&["wall.obj"], &[of_wall, dropped]) == on_wall);
     assert!(on_wall != of_points && on_wall != picture(&["wall.obj"], &[of_wall]));
+    // On a paged file too, all of which is read then. Places move by half a step of its grid.
+    must_succeed(&run(display
+        .surfel(&["build", "wall.obj", "-o", "wall.surfel"])
+        .current_dir(at)));
+    let paged = r#"{"loaded":"wall.surfel"}"#;
+    let on_pages = picture(&["wall.surfel"], &[paged, dropped, paged]);
+    assert!(changed(&on_pages, &on_wall) < 100);
+    let started = ["wall.surfel", "--photos", "bundle.out"];
+    assert!(picture(&started, &[paged]) == on_pages);
     // They stay when the model is opened again.
     let again = r#"{"key":{"key":{"f":5},"pressed":true}}"#;
     assert!(picture(&["wall.obj"], &[of_wall, dropped, again, of_wall]) == on_wall);

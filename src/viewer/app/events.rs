@@ -5,6 +5,7 @@ use super::{FileAsk, LONGEST_TICK_S, REST_S, ViewerApp};
 use crate::math::camera::Camera;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::open::photo_scene::is_photo_scene;
+use crate::render::Method;
 use crate::viewer::ViewerError;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::choices::{self, SurfaceNormals};
@@ -12,6 +13,7 @@ use crate::viewer::control::FrameBudget;
 use crate::viewer::event::{KeyModifiers, KeyboardKey, ViewerEvent};
 use crate::viewer::input::{self, DragAction, KeyCommand, MouseGesture};
 use crate::viewer::lamp::LampChange;
+use crate::viewer::loader::ModelLoader;
 use crate::viewer::record::RecordEntry;
 use crate::viewer::recovery::{RecoveryWay, way_after};
 use glam::{DVec2, DVec3};
@@ -251,7 +253,7 @@ impl ViewerApp {
     /// Asks for a model, and for more that are shown with it.
     pub(super) fn open(&mut self, path: PathBuf, more: Vec<PathBuf>) {
         self.notices.clear();
-        self.is_reloading = false;
+        (self.is_reloading, self.reads_whole) = (false, false);
         self.options.model.clone_from(&path);
         self.options.more.clone_from(&more);
         self.options.model_is_usual = false;
@@ -272,6 +274,27 @@ impl ViewerApp {
         self.is_reloading = true;
         self.keep_photographs();
         self.asks.push(FileAsk::Open { path, more });
+        true
+    }
+
+    /// Says where models are to be copied to while they are loaded, which normals they are to have, and whether paged files are
+    /// read whole.
+    pub(in crate::viewer) fn tell_device(&self, loader: &mut ModelLoader) {
+        loader.read_whole(self.reads_whole || self.options.photos.scene.is_some());
+        loader.set_crease(self.crease_degrees());
+        loader.copy_to(self.screen.gpu(), self.settings.method == Method::Triangles);
+    }
+
+    /// Opens the models again, with all pages of paged files at once: `what` needs them. Returns whether that can be.
+    pub(super) fn reload_whole(&mut self, what: &str) -> bool {
+        // The scene that is wanted may be another than that which is shown.
+        let scene = self.options.photos.scene.take();
+        if !self.reload() {
+            return false;
+        }
+        self.reads_whole = true;
+        self.options.photos.scene = scene.or(self.options.photos.scene.take());
+        self.inform(&format!("{what}: all of the file is read"));
         true
     }
 

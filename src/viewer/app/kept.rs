@@ -16,7 +16,7 @@ const MOST_CLASSES: usize = 16;
 /// Parts of the models that are shown, and the models themselves.
 #[derive(Debug, Default)]
 pub(super) struct KeptParts {
-    /// Models as they were opened; none of paged files, which are not in memory.
+    /// Models as they were opened; none while one of them is a paged file that is read by pages.
     wholes: Vec<WholeModel>,
     /// Conditions and colors of the picture; without conditions, all is shown.
     shown: PartWish,
@@ -56,7 +56,11 @@ impl ViewerApp {
     /// Asks for what is to be shown of the models.
     fn want_part(&mut self, wish: PartWish) {
         if self.kept.wholes.is_empty() {
-            self.warn("of paged files only --keep at the start keeps a part, and their colors stay; they are not in memory as a whole");
+            // Asked for again once they have come.
+            let is_there = self.screen.model().is_some() && !self.is_preview;
+            if is_there && self.reload_whole("parts and colors are made of the whole model") {
+                self.kept.shown = wish;
+            }
             return;
         }
         self.kept.wanted = Some(wish);
@@ -84,19 +88,27 @@ impl ViewerApp {
 
     /// Colors points by the next of what they carry; after the last come the colors that they were opened with.
     pub(super) fn next_point_colors(&mut self) {
-        let kept = &self.kept;
-        if !kept.wholes.is_empty() && kept.choices.is_empty() {
+        let choices = self.color_choices();
+        if choices.is_empty() {
             self.inform("nothing is carried by points that colors could stand for");
             return;
         }
-        let by = kept.latest().color.as_ref().map(|setting| &setting.by);
-        let at = kept.choices.iter().position(|choice| Some(choice) == by);
-        let next = kept.choices.get(at.map_or(0, |at| at + 1)).cloned();
+        let by = (self.kept.latest().color.as_ref()).map(|setting| &setting.by);
+        let at = choices.iter().position(|choice| Some(choice) == by);
+        let next = choices.get(at.map_or(0, |at| at + 1)).cloned();
         match &next {
             Some(by) => self.inform(&format!("points by {by}")),
             None => self.inform("points in the colors that they were opened with"),
         }
         self.color_points(next.map(|by| ColorSetting { by, range: None }));
+    }
+
+    /// Quantities that colors of points can stand for. Points of paged files carry nothing, and have a height.
+    fn color_choices(&self) -> Vec<PointColoring> {
+        match self.kept.wholes.is_empty() && self.screen.is_paged() && self.screen.has_points() {
+            true => vec![PointColoring::Height],
+            false => self.kept.choices.clone(),
+        }
     }
 
     /// Starts to make what was asked for.
@@ -115,6 +127,10 @@ impl ViewerApp {
     /// Takes note that a part is shown, or that it could not be made.
     pub(super) fn part_came(&mut self, is_shown: bool) {
         let Some(wanted) = self.kept.wanted.take().filter(|_| is_shown) else {
+            if self.kept.wholes.is_empty() {
+                // The whole of a paged file could not be had for it.
+                self.kept.shown = PartWish::default();
+            }
             return;
         };
         let before = std::mem::replace(&mut self.kept.shown, wanted).filter;
@@ -146,13 +162,14 @@ impl ViewerApp {
         let kept = &self.kept;
         let PartWish { filter, color } = kept.latest();
         let classes = kept.classes.iter();
-        (!kept.wholes.is_empty() && !self.is_preview).then(|| KeepState {
+        let is_any = !kept.wholes.is_empty() || self.screen.is_paged();
+        (is_any && !self.is_preview).then(|| KeepState {
             text: filter.to_string(),
             classes: classes
                 .map(|&class| (class, has_class(filter, class)))
                 .collect(),
             colors: PointColorState {
-                choices: kept.choices.clone(),
+                choices: self.color_choices(),
                 by: color.as_ref().map(|setting| setting.by.clone()),
                 opened_by: kept.opened_legend.as_ref().map(|own| own.title.clone()),
                 range: self.legend.as_ref().and_then(ColorLegend::range),

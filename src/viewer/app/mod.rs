@@ -21,7 +21,6 @@ use super::graph::TimeHistory;
 use super::input::MouseState;
 use super::kept_models::WholeModel;
 use super::loaded_model::{LoadError, LoadedModel};
-use super::loader::ModelLoader;
 use super::measuring::MeasureTool;
 use super::notice::{NoticeList, NoticeWeight};
 use super::pace::PacedFrame;
@@ -39,7 +38,7 @@ use crate::math::up_axis::UpAxis;
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::color_legend::ColorLegend;
 use crate::pack::{Phong, SurfaceLighting};
-use crate::render::{Method, Settings, SplatKind};
+use crate::render::{Settings, SplatKind};
 use crate::tree::{Model, OrbitSphere};
 use awaited_picture::AwaitedPicture;
 use commands::TurntableRun;
@@ -134,6 +133,8 @@ pub(super) struct ViewerApp {
     is_preview: bool,
     /// The files that are shown were asked for again.
     is_reloading: bool,
+    /// Paged files are read whole: something was asked for that needs all of the model.
+    reads_whole: bool,
     /// What the window does besides, such as `scan.ply - building nodes 43%`.
     pub(super) status: Option<String>,
     /// How the last frame was drawn, and when.
@@ -246,6 +247,7 @@ impl ViewerApp {
             path: PathBuf::new(),
             is_preview: false,
             is_reloading: false,
+            reads_whole: false,
             status: None,
             page_status: None,
             drawn_with: None,
@@ -361,12 +363,6 @@ impl ViewerApp {
         (last.weight == NoticeWeight::Warning).then_some(last.text.as_str())
     }
 
-    /// Says where models are to be copied to while they are loaded, and which normals they are to have.
-    pub(super) fn tell_device(&self, loader: &mut ModelLoader) {
-        loader.set_crease(self.crease_degrees());
-        loader.copy_to(self.screen.gpu(), self.settings.method == Method::Triangles);
-    }
-
     /// A model was loaded, or could not be, or a preview of it has come. Comes with [`super::event::ViewerEvent::Loaded`] or
     /// [`super::event::ViewerEvent::Preview`].
     pub(super) fn loaded(
@@ -415,6 +411,7 @@ impl ViewerApp {
             }
             Err(error) if self.is_unattended() => Err(ViewerError::Open(error)),
             Err(error) => {
+                self.reads_whole = false;
                 self.part_came(false);
                 self.warn(&text::unopened(path, &error.to_string()));
                 Ok(())

@@ -130,7 +130,8 @@ impl ViewerApp {
             return;
         };
         if self.screen.is_paged() {
-            self.warn("photographs are put on a model that is in memory as a whole, and this is a paged file");
+            self.options.photos.scene = Some(path);
+            self.reload_whole("photographs are put on the whole model");
             return;
         }
         let folder = self.options.photos.folder.clone();
