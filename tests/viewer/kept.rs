@@ -168,12 +168,23 @@ fn points_of_a_paged_file_are_colored_once_all_of_it_is_read() {
         let mut files: Vec<_> = std::fs::read_dir(&folder).unwrap().collect();
         files.sort_by_key(|file| file.as_ref().unwrap().path());
         let picture = |at: usize| load(&files[at].as_ref().unwrap().path());
-        (picture(1), picture(files.len() - 1))
+        (picture(0), picture(files.len() - 1))
     };
     let (plain, colored) = pictures("a.csv");
     let (plain_pages, colored_pages) = pictures("a.surfel");
-    assert!(changed(&plain, &colored) > 1000);
-    assert!(changed(&plain, &plain_pages) < 300);
-    let differ = changed(&colored, &colored_pages);
-    assert!(differ < 300, "{differ} pixels differ");
+    // Pages round places and colors by a little.
+    let differ = |a: &image::RgbImage, b: &image::RgbImage| {
+        let is_far = |a: &image::Rgb<u8>, b: &image::Rgb<u8>| {
+            (0..3).any(|channel| a.0[channel].abs_diff(b.0[channel]) > 40)
+        };
+        a.pixels()
+            .zip(b.pixels())
+            .filter(|(a, b)| is_far(a, b))
+            .count()
+    };
+    assert!(differ(&plain, &colored) > 10_000);
+    assert!(differ(&plain, &plain_pages) < 1_000);
+    // Heights in the legend are longer words by that.
+    let off = differ(&colored, &colored_pages);
+    assert!(off < 3_000, "{off} pixels differ");
 }
