@@ -38,6 +38,7 @@ use crate::mesh::placement::MeshPlacement;
 use crate::pages;
 use crate::pages::file::PagedFile;
 use crate::pages::qs::{self, QsCloud};
+pub use crate::pages::reading::PageReading;
 use crate::pages::source::{ByteSource, FileSource, MemorySource};
 use crate::progress::Progress;
 use crate::scenes::{self, SceneError};
@@ -56,10 +57,8 @@ pub struct OpenOptions {
     pub input: input::ReadOptions,
     /// Let the first view frame everything, however far off ([`Model::framed`] is then `None`).
     pub frame_all: bool,
-    /// Leave the pages of a paged tree file where they are: the model then stands in for them, and
-    /// [`OpenedModel::paged`] has the file, for [`PagedModel`](crate::render::paged_model::PagedModel). Else all are read and
-    /// joined.
-    pub streams_pages: bool,
+    /// Amount of a paged tree file that is read.
+    pub page_reading: PageReading,
     /// Memory that the model may take as a whole, bytes; `None`: what the system has free, where it says so.
     pub memory_bytes: Option<u64>,
     /// Place and color of the model; trees, which are built already, have their own.

@@ -17,6 +17,7 @@ use surfel::input::legend_of;
 use surfel::math::section_line::{SectionFrame, SectionLine};
 use surfel::math::up_axis::UpAxis;
 use surfel::mesh::attributes::PointAttributes;
+use surfel::open::PageReading;
 use surfel::open::cross_section::{ModelSection, SectionedModel, write_csv, write_csv_file};
 use surfel::pack::ColorBy;
 use surfel::render::engine::{Engine, smooth_threshold};
@@ -157,7 +158,12 @@ impl CrossSectionArgs {
                 model: path.clone(),
                 ..self.source.clone()
             };
-            opened.push(source.open_as(&color, false, placement, &JobBar::new(quiet))?);
+            opened.push(source.open_as(
+                &color,
+                PageReading::Whole,
+                placement,
+                &JobBar::new(quiet),
+            )?);
         }
         self.color.share(&mut opened, &placements)?;
         Ok(opened)

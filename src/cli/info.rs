@@ -8,6 +8,7 @@ use std::fmt::Write;
 use surfel::OpenedModel;
 use surfel::input::FilePart;
 use surfel::mesh::placement::MeshPlacement;
+use surfel::open::PageReading;
 use surfel::pages::file::PagedFile;
 use surfel::photos::formats::locate_scene;
 
@@ -177,7 +178,7 @@ pub(crate) fn run(args: InfoArgs, quiet: bool) -> Outcome {
     }
     let ready = (args.source).open_as(
         &ColorArgs::default(),
-        true,
+        PageReading::ByPage,
         MeshPlacement::default(),
         &JobBar::new(quiet),
     )?;

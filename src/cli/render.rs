@@ -22,15 +22,16 @@ use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
 use surfel::image::MarkedLines;
 use surfel::math::measured_line::MeasureList;
+use surfel::open::PageReading;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::engine::{Backend, Engine, smooth_threshold};
-use surfel::render::paged_model::{PagedModel, PagedModelOptions};
+use surfel::render::paged_model::{PagedModel, PagedModelOptions, page_reading};
 use surfel::render::stats::{FrameTimes, OverdrawSummary};
 use surfel::render::vulkan::overdraw;
 #[cfg(feature = "viewer")]
 use surfel::render::window_renderer::WindowBackend;
-use surfel::render::{Method, PictureOutputs, Settings};
+use surfel::render::{PictureOutputs, Settings};
 use surfel::tree::OrbitSphere;
 
 /// Backends that can be asked for.
@@ -321,7 +322,7 @@ impl RenderArgs {
     }
 
     /// Opens all models, and moves those after the first to the space of that.
-    fn open(&self, streams_pages: bool, quiet: bool) -> Result<Vec<OpenedModel>, CommandFailure> {
+    fn open(&self, reading: PageReading, quiet: bool) -> Result<Vec<OpenedModel>, CommandFailure> {
         let placements = self.placement.of_models(1 + self.more.len())?;
         let mut opened: Vec<OpenedModel> = Vec::with_capacity(1 + self.more.len());
         let paths = [&self.source.model].into_iter().chain(&self.more);
@@ -334,7 +335,7 @@ impl RenderArgs {
                 model: path.clone(),
                 ..self.source.clone()
             };
-            opened.push(source.open_as(&color, streams_pages, placement, &JobBar::new(quiet))?);
+            opened.push(source.open_as(&color, reading, placement, &JobBar::new(quiet))?);
         }
         self.color.share(&mut opened, &placements)?;
         let origin = opened[0].model.origin;
@@ -439,9 +440,8 @@ pub(crate) fn run(mut args: RenderArgs, quiet: bool) -> Outcome {
             "--cut-camera: only --method pop and --method splats draw a cut",
         ));
     }
-    let has_photos = args.photos.photos.is_some();
-    let streams_pages = settings.method == Method::Pop && !args.look.is_auto() && !has_photos;
-    let mut opened = args.open(streams_pages, quiet)?;
+    let takes_all = args.look.is_auto() || args.photos.photos.is_some();
+    let mut opened = args.open(page_reading(&settings, takes_all), quiet)?;
     let others = opened.split_off(1);
     let ready = opened.remove(0);
     let mut models = vec![&ready.model];

@@ -9,6 +9,7 @@ use surfel::input::{self, ColorSetting, FieldCondition, PointColoring, PointFilt
 use surfel::mesh::color_legend::LegendEntries;
 use surfel::mesh::creases::USUAL_CREASE_DEGREES;
 use surfel::mesh::placement::MeshPlacement;
+use surfel::open::PageReading;
 use surfel::open::recolor;
 use surfel::progress::Progress;
 use surfel::render::paged_model::{FilePrefix, PagedModelOptions};
@@ -343,7 +344,7 @@ pub(crate) fn open_options(
             ..input::ReadOptions::default()
         },
         frame_all: frame == ViewFraming::All,
-        streams_pages: false,
+        page_reading: PageReading::Whole,
         memory_bytes: None,
         placement: MeshPlacement::default(),
         keep: PointFilter::default(),
@@ -388,20 +389,25 @@ impl ModelArgs {
         color: &ColorArgs,
         progress: &dyn Progress,
     ) -> Result<OpenedModel, CommandFailure> {
-        self.open_as(color, false, MeshPlacement::default(), progress)
+        self.open_as(
+            color,
+            PageReading::Whole,
+            MeshPlacement::default(),
+            progress,
+        )
     }
 
-    /// Opens as [`ModelArgs::open_colored`] does and places the model; with `streams_pages` the pages of a paged file stay where they are.
+    /// Opens as [`ModelArgs::open_colored`] does and places the model.
     pub(crate) fn open_as(
         &self,
         color: &ColorArgs,
-        streams_pages: bool,
+        page_reading: PageReading,
         placement: MeshPlacement,
         progress: &dyn Progress,
     ) -> Result<OpenedModel, CommandFailure> {
         let mut options = self.options()?;
         options.input.color = color.setting()?;
-        options.streams_pages = streams_pages;
+        options.page_reading = page_reading;
         options.placement = placement;
         let opened = surfel::open(&self.model, &options, progress).map_err(|error| match error {
             surfel::Error::Input(input::Error::UnknownAttribute { .. }) => usage(format!(

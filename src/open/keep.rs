@@ -2,11 +2,9 @@
 
 use super::OpenedModel;
 use crate::Error;
-use crate::free_memory;
 use crate::input::{self, FilteredPoints, PointFilter, ReadWarning};
 use crate::mesh::Mesh;
 use crate::mesh::attributes::{AttributeColumn, PointAttributes};
-use crate::pages::file::PagedFile;
 use crate::progress::Progress;
 use crate::tree::{self, BuildOptions, Model};
 use glam::Vec3;
@@ -29,33 +27,6 @@ pub(super) fn build(
     }
     attributes.reorder(&order);
     Ok(model)
-}
-
-/// Bytes of a leaf in memory with its share of vertices and nodes.
-const LEAF_BYTES: u64 = 100;
-
-/// Refuses a paged file that would not fit `limit` bytes of memory as a whole: a part is kept of all of its pages together, and
-/// photographs are put on them all. A part that is kept takes half of that again, at most.
-pub(super) fn check_memory(
-    file: &PagedFile,
-    keeps_part: bool,
-    limit: Option<u64>,
-) -> Result<(), input::Error> {
-    let leaf_bytes = LEAF_BYTES + if keeps_part { LEAF_BYTES / 2 } else { 0 };
-    let leaves = file.header().leaf_count;
-    let needed = leaves.saturating_mul(leaf_bytes);
-    match limit.or_else(free_memory::available) {
-        Some(free) if needed > free => Err(input::Error::NeedsMemory {
-            path: Path::new(file.name()).to_owned(),
-            what: format!("its {leaves} triangles or points as a whole"),
-            needed,
-            free,
-            advice: "draw it in pages: leave out what needs the whole of it, such as photographs, a part that is kept, \
-                     or another --method"
-                .to_owned(),
-        }),
-        _ => Ok(()),
-    }
 }
 
 /// Marks the leaves of a model that a filter keeps; its attributes are in the order of the model's points. `name` is for

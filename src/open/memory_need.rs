@@ -5,6 +5,7 @@ use super::{ModelSource, OpenOptions, open_stream};
 use crate::free_memory;
 use crate::input;
 use crate::pages;
+use crate::pages::file::PagedFile;
 use crate::progress::SilentProgress;
 use crate::tree;
 use std::fs::File;
@@ -14,6 +15,10 @@ use std::path::{Path, PathBuf};
 /// Bytes of memory of a triangle or point with its share of vertices and nodes while the tree is built, at least. Meshes of 8,
 /// 16 and 50 million triangles were seen to take 111, 110 and 127, clouds of 4 and 16 million points 117.
 const BUILT_BYTES: u64 = 110;
+
+/// Bytes of memory of a leaf of a paged file while all pages are joined, at least. A surface of 8 million triangles was seen to
+/// take 176, a cloud of 16 million points 172.
+const JOINED_BYTES: u64 = 170;
 
 /// Bytes of memory for a byte of a file, at most: of the best packed points two bytes are one point.
 const MOST_PACKED: u64 = 60;
@@ -113,18 +118,40 @@ fn of_stream(source: &ModelSource, options: &OpenOptions) -> Option<MemoryNeed> 
     })
 }
 
+/// Refuses a paged file that takes more memory as a whole than `limit` bytes, or than is free.
+///
+/// # Errors
+/// [`input::Error::NeedsMemory`].
+pub(super) fn check_pages(file: &PagedFile, limit: Option<u64>) -> Result<(), input::Error> {
+    let leaves = file.header().leaf_count;
+    let needed = leaves.saturating_mul(JOINED_BYTES);
+    match limit.or_else(free_memory::with_swap) {
+        Some(free) if needed > free => Err(input::Error::NeedsMemory {
+            path: PathBuf::from(file.name()),
+            what: format!("its {leaves} triangles or points as a whole"),
+            needed,
+            free,
+            advice: "draw it page by page: leave out what needs all of it, such as photographs, a part that is kept, or \
+                     another --method"
+                .to_owned(),
+        }),
+        _ => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
     use crate::open::open;
+    use crate::pages::reading::PageReading;
     use crate::pages::write::{PagedOptions, to_bytes};
 
     fn options(memory_bytes: u64) -> OpenOptions {
         OpenOptions {
             memory_bytes: Some(memory_bytes),
-            streams_pages: true,
+            page_reading: PageReading::ByPage,
             ..OpenOptions::default()
         }
     }
@@ -162,13 +189,13 @@ mod tests {
         std::fs::write(&paged, in_pages.unwrap()).unwrap();
         assert!(open(&paged, &options(10), &SilentProgress).is_ok());
         let all_of_it = |memory_bytes| OpenOptions {
-            streams_pages: false,
+            page_reading: PageReading::Whole,
             ..options(memory_bytes)
         };
-        let refused = open(&paged, &all_of_it(99_999), &SilentProgress);
+        let refused = open(&paged, &all_of_it(169_999), &SilentProgress);
         let text = refused.unwrap_err().to_string();
-        assert!(text.contains("draw it in pages"), "{text}");
-        assert!(open(&paged, &all_of_it(100_000), &SilentProgress).is_ok());
+        assert!(text.contains("draw it page by page"), "{text}");
+        assert!(open(&paged, &all_of_it(170_000), &SilentProgress).is_ok());
         let whole = folder.path().join("whole.surfel");
         tree::file::write(&opened.model, &whole).unwrap();
         assert!(refusal(&whole, 10_000).contains("convert it"));

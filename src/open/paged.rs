@@ -1,6 +1,6 @@
 //! Paged trees: of a file, of memory, or on a web server.
 
-use super::{OpenOptions, SourceContent, SourceFormat, keep};
+use super::{OpenOptions, SourceContent, SourceFormat, memory_need};
 use crate::Error;
 use crate::input::{self, FileCounts};
 use crate::pages::file::PagedFile;
@@ -32,7 +32,7 @@ pub(super) fn read_pages(
 ) -> Result<SourceContent, Error> {
     let file_bytes = source.len();
     let file = PagedFile::open(source).map_err(tree::Error::from)?;
-    if options.streams_pages && options.keep.is_empty() {
+    if options.page_reading.leaves_pages(&file) && options.keep.is_empty() {
         let model = file.stand_in(file.origin()).map_err(tree::Error::from)?;
         return Ok(SourceContent {
             format: SourceFormat::PagedTree,
@@ -52,7 +52,7 @@ pub(super) fn read_pages(
             ..SourceContent::tree(model, file_bytes)
         });
     }
-    keep::check_memory(&file, !options.keep.is_empty(), options.memory_bytes)?;
+    memory_need::check_pages(&file, options.memory_bytes)?;
     let model = join::whole_model(&file, progress)?;
     Ok(SourceContent {
         format: SourceFormat::PagedTree,

@@ -28,6 +28,7 @@ pub mod page;
 mod page_tops;
 pub mod qs;
 pub mod quantize;
+pub mod reading;
 #[cfg(feature = "remote")]
 pub mod serve;
 pub mod source;

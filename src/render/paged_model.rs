@@ -15,17 +15,29 @@ use crate::pages::file::PagedFile;
 use crate::pages::format::{PageEntry, PageError};
 use crate::pages::loader::{LoaderOptions, PageLoader};
 use crate::pages::page::{DecodeOptions, DecodedPage};
+use crate::pages::reading::PageReading;
 use crate::patches::PatchCut;
 use crate::progress::Progress;
 use crate::render::cut_key::{CutKey, LARGEST_HIDDEN_PX, cut_settings};
 use crate::render::frame_plan::resolved;
 use crate::render::model_facts::{DrawnFacts, FactedModel, ModelFacts, point_radius};
-use crate::render::{Culling, Occlusion, Settings};
+use crate::render::{Culling, Method, Occlusion, Settings};
 use crate::tree::{Model, ModelKind, Node};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// Amount of a paged file that a picture with these settings needs; all of it where something besides them does.
+pub fn page_reading(settings: &Settings, takes_all: bool) -> PageReading {
+    if takes_all || settings.method != Method::Pop {
+        PageReading::Whole
+    } else if settings.drawn_patches().is_some() {
+        PageReading::ByPageWithRecords
+    } else {
+        PageReading::ByPage
+    }
+}
 
 /// Options of drawing a paged file.
 #[derive(Debug, Clone, Copy)]
@@ -231,6 +243,25 @@ impl PagedModel {
         self.loader.messages()
     }
 
+    /// Error of drawing page by page with these settings; `None` where that can be. The whole model can be drawn so.
+    pub(crate) fn refusal(&self, settings: &Settings) -> Option<Error> {
+        let (what, why) = if settings.method != Method::Pop {
+            (
+                "a paged file by a method that draws all of a model",
+                "only the pages that the view needs are in memory; leave --method out, or use --method pop",
+            )
+        } else if settings.drawn_patches().is_some() && !self.file.has_patches() {
+            (
+                "error patches of this paged file",
+                "its pages have no records of them; leave --error out, or build the file with --patches",
+            )
+        } else {
+            return None;
+        };
+        let why = why.into();
+        Some(Error::Unsupported { what, why })
+    }
+
     /// Readies the parts of a frame, and gives the settings that it is drawn with.
     ///
     /// Leaf pages that are in memory hide each other. Where a closed surface surrounds the eye, faces that face away are drawn,
@@ -239,19 +270,10 @@ impl PagedModel {
     /// # Errors
     /// [`Error::Unsupported`] of methods that draw all of a model: not all of it is in memory.
     pub(crate) fn prepare(&mut self, view: &View, settings: &Settings) -> Result<Settings, Error> {
-        if !settings.has_cut() || settings.method != crate::render::Method::Pop {
-            return Err(Error::Unsupported {
-                what: "a paged file by a method that draws all of a model",
-                why: "only the pages that the view needs are in memory; leave --method out, or use --method pop".into(),
-            });
+        if let Some(refusal) = self.refusal(settings) {
+            return Err(refusal);
         }
         let settings = *settings;
-        if settings.drawn_patches().is_some() && !self.file.has_patches() {
-            return Err(Error::Unsupported {
-                what: "error patches of this paged file",
-                why: "its pages have no records of them; leave --error out, or build the file with --patches".into(),
-            });
-        }
         self.take_pages();
         let is_inside = |view: &View| {
             view.is_perspective && self.facts.is_closed && surrounds(&self.stand_in, view.eye)

@@ -8,6 +8,7 @@ use crate::math::up_axis::UpAxis;
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::color_legend::ColorLegend;
 use crate::mesh::placement::MeshPlacement;
+use crate::open::PageReading;
 use crate::open::recolor::{CommonColors, RecoloredModel, recolor};
 use crate::progress::Progress;
 use crate::render::paged_model::PagedModel;
@@ -48,8 +49,8 @@ pub struct ModelRequest {
     pub crease_degrees: Option<f32>,
     /// Position of being first: its points are colored as it is opened, those of the others once all are there.
     pub is_first: bool,
-    /// Wish for all pages of a paged file at once.
-    pub reads_whole: bool,
+    /// Amount of a paged file that is read.
+    pub page_reading: PageReading,
 }
 
 /// A model that was loaded.

@@ -10,7 +10,7 @@ use crate::gpu::{self, Gpu, lock};
 use crate::input::ColorSetting;
 use crate::mesh::Mesh;
 use crate::mesh::placement::MeshPlacement;
-use crate::open::{OpenOptions, open_with_preview};
+use crate::open::{OpenOptions, PageReading, open_with_preview};
 use crate::progress::Progress;
 use crate::render::model_facts::{DrawnParts, facted};
 use crate::render::paged_model::{PagedModel, PagedModelOptions};
@@ -57,7 +57,7 @@ pub struct ModelLoader {
     color: Option<ColorSetting>,
     /// A sample of the points may be shown while they are read: it looks as they will.
     is_sampled: bool,
-    reads_whole: bool,
+    page_reading: PageReading,
     job: Option<LoadJob>,
 }
 
@@ -88,7 +88,7 @@ impl ModelLoader {
                          on_preview: &mut dyn FnMut(Model)| {
             let mut options = options.clone();
             options.placement = request.placement;
-            options.streams_pages = !request.reads_whole;
+            options.page_reading = request.page_reading;
             options.tree.crease_degrees = request.crease_degrees;
             options.input.color = options.input.color.filter(|_| request.is_first);
             let mut on_mesh = |mesh: &Mesh| {
@@ -129,14 +129,14 @@ impl ModelLoader {
             crease_degrees: None,
             color: None,
             is_sampled: false,
-            reads_whole: false,
+            page_reading: PageReading::ByPage,
             job: None,
         }
     }
 
-    /// Reads paged files whole from now on, or leaves their pages where they are.
-    pub fn read_whole(&mut self, reads_whole: bool) {
-        self.reads_whole = reads_whole;
+    /// Reads so much of paged files from now on.
+    pub fn read_pages(&mut self, page_reading: PageReading) {
+        self.page_reading = page_reading;
     }
 
     /// Where models are copied to from now on, and whether with the indices of all triangles.
@@ -157,7 +157,7 @@ impl ModelLoader {
             placement: placed.map_or_else(MeshPlacement::default, |(_, placement)| *placement),
             crease_degrees: self.crease_degrees,
             is_first: index == 0,
-            reads_whole: self.reads_whole,
+            page_reading: self.page_reading,
         }
     }
 

@@ -45,7 +45,7 @@ use crate::math::up_axis::UpAxis;
 use crate::mesh::placement::MeshPlacement;
 use crate::open::OpenOptions;
 use crate::render::Settings;
-use crate::render::paged_model::PagedModelOptions;
+use crate::render::paged_model::{PagedModelOptions, page_reading};
 use crate::render::window_renderer::WindowBackend;
 use app::ViewerApp;
 use glfw::{ClientApiHint, WindowHint};
@@ -231,7 +231,8 @@ pub fn run(
     let placed = [&options.model].into_iter().chain(&options.more).cloned();
     let placed = placed.zip(options.placements.iter().copied()).collect();
     let mut loader = ModelLoader::new(options.opening.clone(), options.paged, placed);
-    loader.read_whole(options.photos.scene.is_some());
+    let has_photos = options.photos.scene.is_some();
+    loader.read_pages(page_reading(&options.settings, has_photos));
     let outcome = if options.headless {
         replay_headless(options, &mut loader, should_stop)
     } else {

@@ -3,6 +3,7 @@
 use crate::display::{Display, changed, load, must_succeed, run};
 use crate::render;
 use serde_json::{Value, json};
+use std::path::Path;
 
 /// First row and number of rows of the part of the picture between legend and messages.
 const UNCOVERED_ROWS: [u32; 2] = [160, 190];
@@ -148,43 +149,67 @@ fn points_of_a_paged_file_are_colored_once_all_of_it_is_read() {
     std::fs::write(at.join("a.csv"), format!("x,y,z\n{rows}")).unwrap();
     let build = ["build", "a.csv", "-o", "a.surfel"];
     must_succeed(&run(display.surfel(&build).current_dir(at)));
-    let pictures = |model: &str| {
-        let mut steps = Steps::default();
-        let size = json!({"width": 300, "height": 250, "scale": 1.0});
-        steps.add(0, json!({ "size": size }));
-        steps.add(1, json!({ "loaded": model }));
-        steps.key(5, json!({"char": "a"}), true);
-        steps.add(7, json!({ "loaded": model }));
-        if model.ends_with(".surfel") {
-            // It came whole then, and the part that is colored comes after that.
-            steps.add(9, json!({ "loaded": model }));
-        }
-        let recording = format!("{{\"surfel_input\":1}}\n{}\n", steps.0.join("\n"));
-        std::fs::write(at.join("input.jsonl"), recording).unwrap();
-        let folder = at.join(format!("{model}-pictures"));
-        let mut command = display.surfel(&[model, "--smooth", "off", "--panel", "off"]);
-        command.args(["--headless", "--replay", "input.jsonl", "--pictures"]);
-        must_succeed(&run(command.arg(&folder).current_dir(at)));
-        let mut files: Vec<_> = std::fs::read_dir(&folder).unwrap().collect();
-        files.sort_by_key(|file| file.as_ref().unwrap().path());
-        let picture = |at: usize| load(&files[at].as_ref().unwrap().path());
-        (picture(0), picture(files.len() - 1))
-    };
-    let (plain, colored) = pictures("a.csv");
-    let (plain_pages, colored_pages) = pictures("a.surfel");
-    // Pages round places and colors by a little.
-    let differ = |a: &image::RgbImage, b: &image::RgbImage| {
-        let is_far = |a: &image::Rgb<u8>, b: &image::Rgb<u8>| {
-            (0..3).any(|channel| a.0[channel].abs_diff(b.0[channel]) > 40)
-        };
-        a.pixels()
-            .zip(b.pixels())
-            .filter(|(a, b)| is_far(a, b))
-            .count()
-    };
+    // The next colors are those by height. They make a part of what came whole.
+    let key = json!({"char": "a"});
+    let (plain, colored) = before_and_after(&display, at, "a.csv", (key.clone(), true), 1);
+    let pages = before_and_after(&display, at, "a.surfel", (key, true), 2);
     assert!(differ(&plain, &colored) > 10_000);
-    assert!(differ(&plain, &plain_pages) < 1_000);
-    // Heights in the legend are longer words by that.
-    let off = differ(&colored, &colored_pages);
+    assert!(differ(&plain, &pages.0) < 1_000);
+    // Heights in the legend are longer words by the rounding of pages.
+    let off = differ(&colored, &pages.1);
     assert!(off < 3_000, "{off} pixels differ");
+}
+
+#[test]
+fn all_of_a_paged_file_is_read_for_what_draws_all_of_it() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for (name, kind) in [("exact.surfel", "--exact"), ("paged.surfel", "-q")] {
+        let build = ["build", "generate:statue:3000", kind, "-o", name];
+        must_succeed(&run(display.surfel(&build).current_dir(at)));
+    }
+    let triangles = (json!({"char": "a"}), false);
+    let (_, exact) = before_and_after(&display, at, "exact.surfel", triangles.clone(), 0);
+    let (_, paged) = before_and_after(&display, at, "paged.surfel", triangles, 1);
+    let off = differ(&exact, &paged);
+    assert!(off < 100, "{off} pixels differ");
+}
+
+/// Number of pixels that differ by more than pages round places and colors.
+fn differ(a: &image::RgbImage, b: &image::RgbImage) -> usize {
+    let is_far = |a: &image::Rgb<u8>, b: &image::Rgb<u8>| {
+        (0..3).any(|channel| a.0[channel].abs_diff(b.0[channel]) > 40)
+    };
+    let pixels = a.pixels().zip(b.pixels());
+    pixels.filter(|(a, b)| is_far(a, b)).count()
+}
+
+/// Pictures of a model as it comes, and after a key was pressed, with control or without, and it came so many times more.
+fn before_and_after(
+    display: &Display,
+    folder: &Path,
+    model: &str,
+    (key, control): (Value, bool),
+    times: u32,
+) -> (image::RgbImage, image::RgbImage) {
+    let mut steps = Steps::default();
+    let size = json!({"width": 300, "height": 250, "scale": 1.0});
+    steps.add(0, json!({ "size": size }));
+    steps.add(1, json!({ "loaded": model }));
+    steps.key(5, key, control);
+    (0..times).for_each(|time| steps.add(7 + 2 * time, json!({ "loaded": model })));
+    let recording = format!("{{\"surfel_input\":1}}\n{}\n", steps.0.join("\n"));
+    std::fs::write(folder.join("input.jsonl"), recording).unwrap();
+    let pictures = folder.join(format!("{model}-pictures"));
+    let mut command = display.surfel(&[model, "--smooth", "off", "--panel", "off"]);
+    command.args(["--headless", "--replay", "input.jsonl", "--pictures"]);
+    must_succeed(&run(command.arg(&pictures).current_dir(folder)));
+    let mut files: Vec<_> = (std::fs::read_dir(&pictures).unwrap())
+        .map(|file| file.unwrap().path())
+        .collect();
+    files.sort();
+    (load(&files[0]), load(&files[files.len() - 1]))
 }

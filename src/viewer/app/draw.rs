@@ -20,6 +20,15 @@ use std::time::Instant;
 /// So long the view rests before its picture gets smoother, seconds: hands that turn pause for less.
 const REST_S: f64 = 0.25;
 
+/// Settings that pages of every file can be drawn with.
+pub(super) fn by_page(settings: &Settings) -> Settings {
+    Settings {
+        method: Method::Pop,
+        patches: None,
+        ..*settings
+    }
+}
+
 /// Settings with another threshold, pixels, and tolerances of error patches in the same proportion.
 fn coarser(settings: &Settings, threshold_px: f32) -> Settings {
     let mut coarser = Settings {
@@ -128,6 +137,9 @@ impl ViewerApp {
             settings.method = Method::Pop;
             settings.splat = SplatKind::Disc;
             (settings.blend, settings.shading) = (None, Shading::PerSplat);
+        } else if self.screen.needs_whole(&settings) {
+            // Until the whole has come.
+            settings = by_page(&settings);
         }
         if settings.holds_cut() {
             settings.threshold_px = self.held_px;
@@ -228,6 +240,12 @@ impl ViewerApp {
         let is_new_picture = self.is_dirty || !self.screen.has_picture();
         if is_new_picture {
             self.save_awaited_before_change()?;
+        }
+        if !self.is_reloading
+            && self.screen.needs_whole(&self.settings)
+            && !self.reload_whole("this way to draw needs the whole model")
+        {
+            self.settings = by_page(&self.settings);
         }
         let (settings, work) = self.effective_settings(is_new_picture);
         let settings = self.choose_photographs(settings)?;

@@ -1,11 +1,12 @@
 //! The events of a step, and what they change.
 
-use super::draw::camera_of;
+use super::draw::{by_page, camera_of};
 use super::{FileAsk, LONGEST_TICK_S, REST_S, ViewerApp};
 use crate::math::camera::Camera;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::open::photo_scene::is_photo_scene;
 use crate::render::Method;
+use crate::render::paged_model::page_reading;
 use crate::viewer::ViewerError;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::choices::{self, SurfaceNormals};
@@ -277,10 +278,11 @@ impl ViewerApp {
         true
     }
 
-    /// Says where models are to be copied to while they are loaded, which normals they are to have, and whether paged files are
-    /// read whole.
+    /// Says where models are to be copied to while they are loaded, which normals they are to have, and how much of paged files
+    /// is read.
     pub(in crate::viewer) fn tell_device(&self, loader: &mut ModelLoader) {
-        loader.read_whole(self.reads_whole || self.options.photos.scene.is_some());
+        let takes_all = self.reads_whole || self.options.photos.scene.is_some();
+        loader.read_pages(page_reading(&self.settings, takes_all));
         loader.set_crease(self.crease_degrees());
         loader.copy_to(self.screen.gpu(), self.settings.method == Method::Triangles);
     }
@@ -296,6 +298,17 @@ impl ViewerApp {
         self.options.photos.scene = scene.or(self.options.photos.scene.take());
         self.inform(&format!("{what}: all of the file is read"));
         true
+    }
+
+    /// Leaves what needs the whole of paged files, which could not be had.
+    pub(super) fn stay_with_pages(&mut self) {
+        self.reads_whole = false;
+        if self.screen.is_paged() {
+            self.options.photos.scene = None;
+        }
+        if self.screen.needs_whole(&self.settings) {
+            self.settings = by_page(&self.settings);
+        }
     }
 
     /// Gives surfaces other normals: the models are opened again, and those that come later have them too.

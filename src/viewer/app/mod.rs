@@ -411,8 +411,8 @@ impl ViewerApp {
             }
             Err(error) if self.is_unattended() => Err(ViewerError::Open(error)),
             Err(error) => {
-                self.reads_whole = false;
                 self.part_came(false);
+                self.stay_with_pages();
                 self.warn(&text::unopened(path, &error.to_string()));
                 Ok(())
             }

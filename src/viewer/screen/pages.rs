@@ -26,6 +26,12 @@ impl WindowScreen {
         self.pages.iter().flatten().any(PagedModel::has_news)
     }
 
+    /// Tells whether some pages cannot be drawn with these settings, which need the whole of the model.
+    pub(in crate::viewer) fn needs_whole(&self, settings: &Settings) -> bool {
+        let mut pages = self.pages.iter().flatten();
+        pages.any(|pages| pages.refusal(settings).is_some())
+    }
+
     /// Number of pages that would make the last frame finer.
     pub(in crate::viewer) fn wanted_pages(&self) -> usize {
         self.pages
