@@ -480,63 +480,10 @@ same_layout!(
     begin = BEGIN,
     dropped_sign = DROPPED_SIGN,
 );
-same_layout!(
-    CutConstants,
-    cut_constants,
-    sides = SIDES,
-    forward = FORWARD,
-    right = RIGHT,
-    up = UP,
-    focal = FOCAL,
-    middle = MIDDLE,
-    reference = REFERENCE,
-    unit = UNIT,
-    backward = BACKWARD,
-    plane_error = PLANE_ERROR,
-    near = NEAR,
-    far = FAR,
-    ratio = RATIO,
-    ratio_squared = RATIO_SQUARED,
-    row_ball = ROW_BALL,
-    row_limit = ROW_LIMIT,
-    row_width = ROW_WIDTH,
-    row_width_squared = ROW_WIDTH_SQUARED,
-    lowest_nodes = LOWEST_NODES,
-    low_nodes = LOW_NODES,
-    low_leaves = LOW_LEAVES,
-    most_in_row = MOST_IN_ROW,
-    start = START,
-    is_perspective = IS_PERSPECTIVE,
-    most_splats = MOST_SPLATS,
-    most_triangles = MOST_TRIANGLES,
-    place_error = PLACE_ERROR,
-    snap = SNAP,
-    focal_px = FOCAL_PX,
-    are_samples = ARE_SAMPLES,
-    compute_ratio = COMPUTE_RATIO,
-);
 mod device_cut;
 mod photos;
 pub use photos::{PhotoGroup, PhotoHeader, PhotoTable};
 
-const _: () = {
-    use generated::layout::counters as block;
-    assert!(
-        std::mem::offset_of!(CutCounters, splats) == block::SPLATS
-            && std::mem::offset_of!(CutCounters, triangles) == block::INDICES
-            && std::mem::offset_of!(CutCounters, workgroups) == block::GROUPS_X
-            && std::mem::offset_of!(CutCounters, groups) == block::GROUPS
-            && std::mem::offset_of!(CutCounters, opened) == block::OPENED
-            && std::mem::offset_of!(CutCounters, visited) == block::VISITED
-            && std::mem::offset_of!(CutCounters, outside) == block::OUTSIDE
-            && std::mem::offset_of!(CutCounters, facing_away) == block::FACING_AWAY
-            && std::mem::offset_of!(CutCounters, small) == block::SMALL
-            && std::mem::offset_of!(CutCounters, splat_groups) == block::SPLAT_GROUPS
-            && std::mem::offset_of!(CutCounters, small_groups) == block::SMALL_GROUPS
-            && size_of::<CutCounters>() == block::END,
-        "abi::CutCounters is not what the shaders have"
-    );
-};
 same_layout!(
     Splat,
     splat_record,

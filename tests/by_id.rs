@@ -6,20 +6,19 @@
 mod common;
 
 use common::pictures::{self, PictureOracle};
-use common::{Device, generated, orbit, orthographic, scans};
-use surfel::generate::{self, GeneratedShape, ShapeSpec};
+use common::{Device, cloud, generated, orbit, orthographic, scans};
+use surfel::generate::GeneratedShape;
 use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::ColorBy;
-use surfel::progress::SilentProgress;
 use surfel::render::PictureOutputs;
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::KeptWork;
 use surfel::render::vulkan::renderer::VulkanRenderer;
 use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{Blend, ListOf, Method, Path, Settings, SplatKind};
-use surfel::tree::{self, BuildOptions, Model};
+use surfel::tree::Model;
 
 const SIZE: (u32, u32) = (240, 200);
 
@@ -66,12 +65,6 @@ fn oracle(device: &Device) -> PictureOracle {
         true => pictures::SAME_BITS,
         false => pictures::IDS_ROUNDED,
     }
-}
-
-fn cloud(shape: GeneratedShape, triangles: u64) -> Model {
-    let mut mesh = generate::mesh(&ShapeSpec::with_triangles(shape, triangles).unwrap());
-    mesh.triangles.clear();
-    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
 /// Every kind of splat whose records do not depend on the view, by the rasterizer and by compute if the device has it.

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Device, generated, orbit, orthographic, pictures, scans};
+use common::{Device, cloud, generated, orbit, orthographic, pictures, scans};
 use surfel::cut::SizeMetric;
 use surfel::generate::GeneratedShape;
 use surfel::gpu::Error;
@@ -145,6 +145,85 @@ fn the_device_draws_what_the_host_draws() {
     }
 }
 
+/// Points of clouds, and triangles where they are splats too, have sizes of their own, some of them too large for a point.
+#[test]
+fn the_device_draws_clouds_and_large_splats() {
+    let Some(device) = Device::open() else { return };
+    let by_compute = device.paths().len() > 1;
+    let models = [
+        ("cloud", cloud(GeneratedShape::Statue, 40_000), Method::Pop),
+        (
+            "few points",
+            cloud(GeneratedShape::Sphere, 300),
+            Method::Splats,
+        ),
+        (
+            "statue",
+            generated(GeneratedShape::Statue, 3_000),
+            Method::Splats,
+        ),
+        (
+            "two triangles",
+            generated(GeneratedShape::Square, 2),
+            Method::Splats,
+        ),
+    ];
+    let mut drawn = [0; 2];
+    for (name, model, method) in models {
+        let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
+        let mut renderer = renderer_with(&device, true);
+        let mut views: Vec<View> = [(20.0, 0.1), (130.0, 1.0), (200.0, 4.0)]
+            .map(|(azimuth, fill)| orbit(&model, SIZE, azimuth, 25.0, fill))
+            .to_vec();
+        views.push(orthographic(&model, SIZE));
+        for (index, view) in views.iter().enumerate() {
+            for (path, threshold_px, splat, culling) in [
+                (Path::Raster, 1.0, SplatKind::Square, Culling::Auto),
+                (Path::Raster, 3.0, SplatKind::Disc, Culling::Off),
+                (Path::Raster, 2.0, SplatKind::Ellipse, Culling::Auto),
+                (Path::Raster, 3.0, SplatKind::Gauss, Culling::Off),
+                (Path::Raster, 4.0, SplatKind::Visibility, Culling::Auto),
+                (Path::Compute, 1.0, SplatKind::Square, Culling::Off),
+                (Path::Compute, 3.0, SplatKind::Disc, Culling::Auto),
+                (Path::Compute, 5.0, SplatKind::Ellipse, Culling::Off),
+                (Path::Compute, 3.0, SplatKind::Visibility, Culling::Off),
+            ] {
+                // Compute knows opaque splats of one method.
+                let is_known = method == Method::Pop || splat == SplatKind::Visibility;
+                if path == Path::Compute && !(by_compute && is_known) {
+                    continue;
+                }
+                let settings = |cut_on| Settings {
+                    method,
+                    path,
+                    threshold_px,
+                    splat,
+                    culling,
+                    ..on(cut_on)
+                };
+                let what =
+                    format!("{name}, view {index}, {path:?}, {splat:?} of {threshold_px} px");
+                let mut draw = |on| draw(&mut renderer, (&model, &mut scene), view, &settings(on));
+                let (host, of_host) = draw(CutOn::Processor);
+                let (chosen, of_device) = draw(CutOn::Device);
+                assert!(is_on_device(&of_device), "{what} {:?}", of_device.passes);
+                let (a, b) = (of_host.counts, of_device.counts);
+                assert_eq!(a.nodes_visited, b.nodes_visited, "{what}");
+                // The few that are seen edge-on, and what at a pixel contains no center.
+                let most = 2 + a.splats / 1000 + a.between;
+                assert!(b.splats.abs_diff(a.splats) <= most, "{what}: {a:?} {b:?}");
+                assert_eq!((a.triangles, b.triangles), (0, 0), "{what}");
+                drawn[usize::from(path == Path::Compute)] += b.splats;
+                pictures::DEVICE_CUT.assert_same(&host, &chosen, &what);
+            }
+        }
+    }
+    assert!(
+        drawn[0] > 10_000 && (drawn[1] > 10_000 || !by_compute),
+        "{drawn:?}"
+    );
+}
+
 #[test]
 fn the_device_cut_is_drawn_in_every_light_and_color() {
     let Some(device) = Device::open() else { return };
@@ -275,10 +354,10 @@ fn what_the_device_cannot_choose_is_refused_by_name() {
     let cases = [
         (
             Settings {
-                method: Method::Splats,
+                method: Method::Triangles,
                 ..usual
             },
-            "--method pop",
+            "--method pop or splats",
         ),
         (
             Settings {

@@ -57,3 +57,5 @@ const uint MOST_FRAME_PHOTOS = 64u;
 const uint PHOTO_VECTORS = 11u;
 // Those that are weighed together.
 const uint PHOTO_GROUP = 4u;
+// Word of the counts of a cut on the device that is the number of quads.
+const uint QUADS_WORD = 5u;

@@ -52,15 +52,32 @@ layout(set = 0, binding = 0, std140) uniform CutConstants {
     uint are_samples;
     // 2 f / the largest triangle that compute draws, pixels; 0: the rasterizer draws all.
     float compute_ratio;
+    // Whether leaves are points, which are splats whatever their size, and whether large triangles are splats too.
+    uint are_points;
+    uint draws_large_leaves;
+    // Whether splats lie in the plane of the surface, with a radius of their own.
+    uint are_oriented;
+    // Items that each list of splats has room for.
+    uint room;
+    // 2 f, pixels of a tangent (perspective) or of a unit here; side of a splat without a size of its own, pixels.
+    float twice_focal_px;
+    float threshold_px;
+    // Largest side of a leaf that is drawn as a point, pixels, without what it is widened by.
+    float largest_px;
 } cut;
 
 // Mirrored by `abi::CutCounters`: commands that the device makes for itself, then counts.
 layout(set = 0, binding = 1, std430) buffer Counters {
-    // A draw of all splats.
+    // A draw of all splats that are points.
     uint splats;
     uint splat_instances;
     uint first_splat;
     uint first_splat_instance;
+    // A draw of those that may be too large for points, an instance each.
+    uint quad_vertices;
+    uint quads;
+    uint first_quad_vertex;
+    uint first_quad;
     // A draw of all triangles.
     uint indices;
     uint index_instances;
@@ -80,8 +97,9 @@ layout(set = 0, binding = 1, std430) buffer Counters {
     uint facing_away;
     // Triangles that compute draws.
     uint small;
-    // Dispatches over the splats and over the small triangles.
+    // Dispatches over the points, the quads and the small triangles.
     uint splat_groups[3];
+    uint quad_groups[3];
     uint small_groups[3];
 } counters;
 

@@ -1,8 +1,10 @@
 #version 460
-// Pass cut.leaves: small leaves are splats, large ones triangles, whose corners are listed: from the start of the list those
-// that compute draws, and from its end the others. An invocation does one leaf.
+// Pass cut.leaves: small leaves and points are splats, large ones triangles, whose corners are listed: from the start of the
+// list those that compute draws, and from its end the others. Points (and triangles, where they are splats too) that may be
+// too large for what draws small splats are listed from the end of the splats. An invocation does one leaf.
 #include "common/cut_lists.glsl"
 #include "common/patch.glsl"
+#include "common/splat_id.glsl"
 #include "common/tree.glsl"
 
 layout(local_size_x = 64) in;
@@ -23,12 +25,51 @@ layout(set = 0, binding = 7, std430) writeonly buffer Indices {
     uint indices[];
 };
 
-// Bit of the second word of a splat that is a leaf, see `abi::SplatId`.
-const uint LEAF = 1u << 31;
-
-// How many triangles of a workgroup compute draws, and where they go.
+// How many triangles of a workgroup compute draws, how many splats are quads, and where they go.
 shared uint own_small;
+shared uint own_quads;
 shared uint small_at;
+shared uint quads_at;
+
+// Whether a leaf in a ball is drawn as a point, as `pack::splats` has it. Where not, it may still fit one.
+bool fits_point(Ball ball) {
+    if (cut.are_oriented == 0u) {
+        precise float side = ball.radius * cut.twice_focal_px;
+        float depth = cut.is_perspective != 0u ? max(ball.depth, cut.near) : 1.0;
+        precise float most = cut.largest_px * depth;
+        return side <= most;
+    }
+    if (!(ball.radius > 0.0)) {
+        // As large as one of the threshold's size may be seen anywhere.
+        return false;
+    }
+    precise float side = ball.radius * cut.twice_focal_px;
+    if (cut.is_perspective == 0u) {
+        return side <= cut.largest_px;
+    }
+    precise float front = ball.depth - ball.radius;
+    if (front <= cut.near) {
+        precise float most = cut.largest_px * max(ball.depth, cut.near);
+        return side <= most;
+    }
+    precise float aside = sqrt(max(dot_of(ball.center, ball.center) - ball.depth * ball.depth, 0.0));
+    precise float slope = aside / ball.depth;
+    precise float seen = side * (1.0 + slope);
+    precise float most = cut.largest_px * front;
+    return seen <= most;
+}
+
+// Bits of a leaf that is a splat though it is larger than the threshold, or close to the near plane: a square or circle has the
+// threshold's size unless its leaf is larger, and a triangle that lies in the picture at any size lies in its own plane.
+uint bits_of_large(Ball ball) {
+    if (cut.are_oriented != 0u) {
+        return cut.are_points != 0u ? 0u : IN_PLANE;
+    }
+    precise float side = ball.radius * cut.twice_focal_px;
+    float depth = cut.is_perspective != 0u ? max(ball.depth, cut.near) : 1.0;
+    precise float most = cut.threshold_px * depth;
+    return side > most ? OF_OWN_SIZE : 0u;
+}
 
 // Whether compute draws the triangle in a ball: it is a few pixels large, and before the near plane.
 bool is_for_compute(Ball ball) {
@@ -53,6 +94,7 @@ bool is_away(vec3 a, vec3 b, vec3 c) {
 void main() {
     if (gl_LocalInvocationIndex == 0u) {
         own_small = 0u;
+        own_quads = 0u;
     }
     begin_group();
     uint group = ITEM / 4u;
@@ -65,24 +107,36 @@ void main() {
     Ball ball = ball_of(center, leaves[id].radius);
     bool is_off = is_there && (siblings.y & INSIDE) == 0u && is_outside(least_inside(ball), ball);
     bool is_kept = is_there && !is_off;
+    bool are_points = cut.are_points != 0u;
+    bool is_within = is_small(ball);
+    bool is_large_splat = !is_within && (are_points || cut.draws_large_leaves != 0u);
     if (cut.are_samples != 0u) {
         is_kept = is_kept && centers_of(ball).x;
     }
-    uvec3 index = uvec3(corners[3u * id], corners[3u * id + 1u], corners[3u * id + 2u]);
-    vec3 a = position_of(vertices[index.x]);
-    vec3 b = position_of(vertices[index.y]);
-    vec3 c = position_of(vertices[index.z]);
-    bool faces_away = is_kept && (siblings.y & FRONT) == 0u && is_away(a, b, c);
-    is_kept = is_kept && !faces_away;
+    uvec3 index = uvec3(0u);
+    bool faces_away = false;
+    if (!are_points) {
+        index = uvec3(corners[3u * id], corners[3u * id + 1u], corners[3u * id + 2u]);
+        vec3 a = position_of(vertices[index.x]);
+        vec3 b = position_of(vertices[index.y]);
+        vec3 c = position_of(vertices[index.z]);
+        faces_away = is_kept && (siblings.y & FRONT) == 0u && is_away(a, b, c);
+        is_kept = is_kept && !faces_away;
+    }
     count(is_there, is_off, faces_away);
 
-    bool is_splat = is_kept && is_small(ball);
+    bool is_splat = is_kept && (is_within || is_large_splat);
     bool is_triangle = is_kept && !is_splat;
-    if (is_splat) {
+    if (is_splat && !are_points) {
         VertexRecord corners_of_leaf[3] = VertexRecord[3](vertices[index.x], vertices[index.y], vertices[index.z]);
         is_splat = patch_of(corners_of_leaf, false).area != 0.0;
     }
-    uint splat = is_splat ? atomicAdd(own_splats, 1u) : 0u;
+    uint bits = LEAF | (is_large_splat ? bits_of_large(ball) : 0u);
+    bool has_own_size = (bits & OF_OWN_SIZE) != 0u || cut.are_oriented != 0u;
+    bool is_quad = is_splat && has_own_size && (is_large_splat || are_points) && !fits_point(ball);
+    bool is_point = is_splat && !is_quad;
+    uint splat = is_point ? atomicAdd(own_splats, 1u) : 0u;
+    uint quad = is_quad ? atomicAdd(own_quads, 1u) : 0u;
     bool is_fine = is_triangle && is_for_compute(ball);
     bool is_large = is_triangle && !is_fine;
     uint triangle = is_large ? atomicAdd(own_others, 1u) : 0u;
@@ -90,13 +144,17 @@ void main() {
     barrier();
     if (gl_LocalInvocationIndex == 0u) {
         splats_at = atomicAdd(counters.splats, own_splats);
+        quads_at = atomicAdd(counters.quads, own_quads);
         others_at = atomicAdd(counters.indices, 3u * own_others) / 3u;
         small_at = atomicAdd(counters.small, own_small);
         add_counts();
     }
     barrier();
-    if (is_splat && splats_at + splat < cut.most_splats) {
-        splat_ids[splats_at + splat] = uvec2(id, LEAF);
+    if (is_point && splats_at + splat < cut.most_splats) {
+        splat_ids[splats_at + splat] = uvec2(id, bits);
+    }
+    if (is_quad && quads_at + quad < cut.most_splats) {
+        splat_ids[cut.room - 1u - (quads_at + quad)] = uvec2(id, bits);
     }
     uint number = is_fine ? small_at + fine : others_at + triangle;
     uint room = uint(indices.length()) / 3u;

@@ -13,6 +13,11 @@ void main() {
     counters.splat_instances = 1u;
     counters.first_splat = 0u;
     counters.first_splat_instance = 0u;
+    // Two triangles each.
+    counters.quad_vertices = 6u;
+    counters.quads = 0u;
+    counters.first_quad_vertex = 0u;
+    counters.first_quad = 0u;
     counters.indices = 0u;
     counters.index_instances = 1u;
     counters.first_index = 0u;

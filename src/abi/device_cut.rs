@@ -1,5 +1,6 @@
 //! Records that the passes read and write that choose a cut on the device.
 
+use super::generated;
 use bytemuck::{Pod, Zeroable};
 
 /// Constants of the passes that choose a cut on the device: the uniform block of `shaders/common/cut.glsl`. Lengths are in a
@@ -69,14 +70,73 @@ pub struct CutConstants {
     pub are_samples: u32,
     /// 2 f / the largest triangle that compute draws, pixels; 0 where the rasterizer draws all.
     pub compute_ratio: f32,
+    /// 1 where leaves are points, which are splats whatever their size.
+    pub are_points: u32,
+    /// 1 where large triangles are splats too.
+    pub draws_large_leaves: u32,
+    /// 1 where splats lie in the plane of the surface, with a radius of their own.
+    pub are_oriented: u32,
+    /// Items that each list of splats has room for.
+    pub room: u32,
+    /// 2 f, pixels of a tangent (perspective) or of a unit of the cut's own.
+    pub twice_focal_px: f32,
+    /// Side of a splat without a size of its own, pixels.
+    pub threshold_px: f32,
+    /// Largest side of a leaf that is drawn as a point, pixels, without what it is widened by.
+    pub largest_px: f32,
 }
+
+same_layout!(
+    CutConstants,
+    cut_constants,
+    sides = SIDES,
+    forward = FORWARD,
+    right = RIGHT,
+    up = UP,
+    focal = FOCAL,
+    middle = MIDDLE,
+    reference = REFERENCE,
+    unit = UNIT,
+    backward = BACKWARD,
+    plane_error = PLANE_ERROR,
+    near = NEAR,
+    far = FAR,
+    ratio = RATIO,
+    ratio_squared = RATIO_SQUARED,
+    row_ball = ROW_BALL,
+    row_limit = ROW_LIMIT,
+    row_width = ROW_WIDTH,
+    row_width_squared = ROW_WIDTH_SQUARED,
+    lowest_nodes = LOWEST_NODES,
+    low_nodes = LOW_NODES,
+    low_leaves = LOW_LEAVES,
+    most_in_row = MOST_IN_ROW,
+    start = START,
+    is_perspective = IS_PERSPECTIVE,
+    most_splats = MOST_SPLATS,
+    most_triangles = MOST_TRIANGLES,
+    place_error = PLACE_ERROR,
+    snap = SNAP,
+    focal_px = FOCAL_PX,
+    are_samples = ARE_SAMPLES,
+    compute_ratio = COMPUTE_RATIO,
+    are_points = ARE_POINTS,
+    draws_large_leaves = DRAWS_LARGE_LEAVES,
+    are_oriented = ARE_ORIENTED,
+    room = ROOM,
+    twice_focal_px = TWICE_FOCAL_PX,
+    threshold_px = THRESHOLD_PX,
+    largest_px = LARGEST_PX,
+);
 
 /// What these passes write beside the lists: the storage block `Counters` there.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct CutCounters {
-    /// A draw of all splats: number of vertices and instances, first vertex and instance.
+    /// A draw of all splats that are points: number of vertices and instances, first vertex and instance.
     pub splats: [u32; 4],
+    /// A draw of those that may be too large for points, an instance each.
+    pub quads: [u32; 4],
     /// A draw of all triangles: number of indices and instances, first index, what is added to each, first instance.
     pub triangles: [u32; 5],
     /// A dispatch over the sibling groups of a level: workgroups.
@@ -93,8 +153,36 @@ pub struct CutCounters {
     pub facing_away: u32,
     /// Triangles that compute draws.
     pub small: u32,
-    /// A dispatch over the splats: workgroups.
+    /// A dispatch over the points: workgroups.
     pub splat_groups: [u32; 3],
+    /// A dispatch over the quads.
+    pub quad_groups: [u32; 3],
     /// A dispatch over the small triangles.
     pub small_groups: [u32; 3],
 }
+
+const _: () = {
+    use generated::layout::counters as block;
+    assert!(
+        std::mem::offset_of!(CutCounters, splats) == block::SPLATS
+            && std::mem::offset_of!(CutCounters, quads) == block::QUAD_VERTICES
+            && std::mem::offset_of!(CutCounters, triangles) == block::INDICES
+            && std::mem::offset_of!(CutCounters, workgroups) == block::GROUPS_X
+            && std::mem::offset_of!(CutCounters, groups) == block::GROUPS
+            && std::mem::offset_of!(CutCounters, opened) == block::OPENED
+            && std::mem::offset_of!(CutCounters, visited) == block::VISITED
+            && std::mem::offset_of!(CutCounters, outside) == block::OUTSIDE
+            && std::mem::offset_of!(CutCounters, facing_away) == block::FACING_AWAY
+            && std::mem::offset_of!(CutCounters, small) == block::SMALL
+            && std::mem::offset_of!(CutCounters, splat_groups) == block::SPLAT_GROUPS
+            && std::mem::offset_of!(CutCounters, quad_groups) == block::QUAD_GROUPS
+            && std::mem::offset_of!(CutCounters, small_groups) == block::SMALL_GROUPS
+            && size_of::<CutCounters>() == block::END,
+        "abi::CutCounters is not what the shaders have"
+    );
+    // `lists/quads.comp` reads the number of quads as a word.
+    assert!(
+        std::mem::offset_of!(CutCounters, quads) + 4
+            == 4 * generated::constants::QUADS_WORD as usize
+    );
+};

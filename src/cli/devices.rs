@@ -175,7 +175,7 @@ pub(crate) fn run(args: DevicesArgs) -> Outcome {
         );
         let _ = writeln!(
             out,
-            "   timestamps {}, 64-bit atomics {}, 32-bit float blending {}, full 32-bit indices {}",
+            "   timestamps {}, 64-bit atomics {}, 32-bit float blending {}, full 32-bit indices {}, indirect first instances {}",
             if d.timestamp_period_ns > 0.0 {
                 format!("every {} ns", d.timestamp_period_ns)
             } else {
@@ -183,7 +183,8 @@ pub(crate) fn run(args: DevicesArgs) -> Outcome {
             },
             yes(d.has_int64_atomics),
             yes(d.has_float_blend),
-            yes(d.has_full_index)
+            yes(d.has_full_index),
+            yes(d.has_first_instance)
         );
         let _ = writeln!(
             out,

@@ -8,7 +8,7 @@ use crate::cut::strip::{LOW, MAX_COUNT, MAX_WIDTH};
 use crate::math::camera::View;
 use crate::tree::{Model, Node};
 
-/// The most splats that any cut of a model with triangles has: a leaf is one at most, a node what its children are or one
+/// The most splats that any cut of a model has: a leaf is one at most, a node what its children are or one
 /// row. A few milliseconds a million triangles.
 pub fn most_splats(model: &Model) -> u64 {
     let nodes: &[Node] = &model.tree.nodes;
@@ -95,6 +95,13 @@ impl NodeTester {
             focal_px: centers.focal_px(),
             are_samples: u32::from(self.threshold_px <= 1.0),
             compute_ratio: 0.0,
+            are_points: 0,
+            draws_large_leaves: 0,
+            are_oriented: 0,
+            room: most_splats,
+            twice_focal_px: self.twice_focal_px,
+            threshold_px: self.threshold_px,
+            largest_px: f32::INFINITY,
         }
     }
 }

@@ -174,6 +174,7 @@ mod tests {
             uniform_alignment: 1,
             device_memory: 1,
             has_full_index: true,
+            has_first_instance: true,
             has_int64_atomics: true,
             has_float_blend: true,
             subpixel_bits: 8,

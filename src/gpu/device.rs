@@ -352,6 +352,7 @@ fn inspect(
         uniform_alignment: p.limits.min_uniform_buffer_offset_alignment.max(1),
         device_memory,
         has_full_index: core.full_draw_index_uint32 == vk::TRUE,
+        has_first_instance: core.draw_indirect_first_instance == vk::TRUE,
         has_int64_atomics: core.shader_int64 == vk::TRUE
             && features12.shader_buffer_int64_atomics == vk::TRUE,
         has_float_blend: float_targets.iter().all(|target| {
@@ -479,6 +480,7 @@ pub(super) fn create(
     let core = vk::PhysicalDeviceFeatures::default()
         .large_points(true)
         .full_draw_index_uint32(chosen.info.has_full_index)
+        .draw_indirect_first_instance(chosen.info.has_first_instance)
         .pipeline_statistics_query(chosen.info.has_pipeline_statistics)
         .occlusion_query_precise(chosen.info.has_sample_counts)
         .shader_int64(chosen.info.has_int64_atomics);

@@ -98,11 +98,7 @@ impl SplatPlan {
     /// A node is a splat when the ellipse of its ball has a major axis of at most the threshold t. Its disc lies in
     /// that ball, and the ellipse contains the projected center: the footprint reaches at most t from there.
     pub(crate) fn fits_always(&self, kind: ModelKind) -> bool {
-        self.bound_px() <= self.max_point_px
-            && !self.draws_large_leaves
-            && self.cut_view.is_none()
-            && (self.footprint != Footprint::Oriented || self.size == SizeMetric::Exact)
-            && kind.is_surface()
+        self.fits_within_threshold() && !self.draws_large_leaves && kind.is_surface()
     }
 
     /// Tells whether no splat has a radius of its own. Of a leaf that is small by [`SizeMetric::Exact`] the size at its center
@@ -115,12 +111,26 @@ impl SplatPlan {
             && kind.is_surface()
     }
 
-    fn bound_px(&self) -> f32 {
+    /// Largest footprint of what is at most the threshold wide, pixels.
+    pub(crate) fn within_threshold_px(&self) -> f32 {
         match self.footprint {
             Footprint::Square => self.threshold_px,
             Footprint::Circle => self.threshold_px + SLACK_PX,
             Footprint::Oriented => 2.0 * self.threshold_px + self.widened_px(),
         }
+    }
+
+    /// Tells whether every node of a cut of this plan fits a point, and every leaf that is at most the threshold wide, see
+    /// [`fits_always`](Self::fits_always).
+    pub(crate) fn fits_within_threshold(&self) -> bool {
+        self.within_threshold_px() <= self.max_point_px
+            && self.cut_view.is_none()
+            && (self.footprint != Footprint::Oriented || self.size == SizeMetric::Exact)
+    }
+
+    /// Largest side of a splat that is drawn as a point, pixels, without what it is widened by.
+    pub(crate) fn largest_side_px(&self) -> f32 {
+        self.max_point_px - self.widened_px()
     }
 
     fn widened_px(&self) -> f32 {
@@ -131,7 +141,7 @@ impl SplatPlan {
     /// view volume, or centers beside the picture are lost.
     pub fn largest_point_px(&self, kind: ModelKind) -> f32 {
         if self.fits_always(kind) {
-            self.bound_px()
+            self.within_threshold_px()
         } else {
             self.max_point_px
         }
@@ -500,12 +510,12 @@ impl<'a> SplatWriter<'a> {
     /// from it, so their projections differ by |q_xy - c_xy - (c_xy / c_z) (q_z - c_z)| / q_z <= r (1 + s) / (z - r).
     fn fits(&self, splat: &Splat) -> bool {
         let (view, plan) = (self.view, self.plan);
-        let limit = plan.max_point_px - plan.widened_px();
+        let limit = plan.largest_side_px();
         let radius = splat.radius.model_units();
         if radius <= 0.0 {
             return match plan.footprint {
                 Footprint::Oriented => plan.vertex_px(view) <= plan.max_point_px,
-                _ => plan.bound_px() <= plan.max_point_px,
+                _ => plan.within_threshold_px() <= plan.max_point_px,
             };
         }
         if plan.footprint != Footprint::Oriented || !view.is_perspective {

@@ -17,6 +17,8 @@ pub(crate) struct RendererCapabilities {
     pub(crate) max_storage_range: u64,
     /// Vertices of each page of the model fit a storage binding.
     pub(crate) binds_vertices: bool,
+    /// Draws whose arguments the device wrote may begin at any instance.
+    pub(crate) has_first_instance: bool,
     /// The device chose cuts sooner than the host when that was measured.
     pub(crate) cuts_sooner: bool,
     /// The lists of a cut by the device fit its memory, as far as was tried.
@@ -35,6 +37,7 @@ impl RendererCapabilities {
         has_int64_atomics: false,
         max_storage_range: 0,
         binds_vertices: false,
+        has_first_instance: false,
         cuts_sooner: false,
         fits_device_cut: false,
         fits_tree: false,

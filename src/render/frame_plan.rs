@@ -307,11 +307,18 @@ impl FramePlan {
             && uploads_ids(&settings, may_use_compute, is_one, capabilities)?;
         let is_whole = settings.method == Method::Splats;
         let has_own_sizes = is_whole || !facts.kind.is_surface() || settings.holds_cut();
-        let is_by_compute =
-            cut_place == CutPlace::Processor && technique == Technique::Opaque && may_use_compute;
-        let max_point_px = match is_by_compute {
-            true => compute_limits::largest_point_px(&settings),
-            false => capabilities.max_point_px,
+        let is_opaque = technique == Technique::Opaque;
+        let is_by_compute = cut_place == CutPlace::Processor && is_opaque && may_use_compute;
+        // What the device chooses is drawn by compute as points up to here, or as large as the threshold is.
+        let is_chosen_small = is_chosen && has_own_sizes && may_use_compute && is_opaque;
+        let max_point_px = match (is_by_compute, is_chosen_small) {
+            (true, _) => compute_limits::largest_point_px(&settings),
+            (false, true) => {
+                let usual = compute_limits::largest_point_px(&settings);
+                let least = splat_plan(&settings, usual).within_threshold_px();
+                usual.max(least).min(capabilities.max_point_px)
+            }
+            (false, false) => capabilities.max_point_px,
         };
         let vertex_px = splat_plan(&settings, max_point_px).vertex_px(view);
         let largest_px = match settings.method {
@@ -470,6 +477,11 @@ impl FramePlan {
         }
     }
 
+    /// Tells whether its cut may have triangles that are drawn as such.
+    pub(crate) fn chooses_triangles(&self) -> bool {
+        self.primitives.has_triangles && self.facts.kind.is_surface()
+    }
+
     /// Tells whether it has to be known what of the model has no area: that takes a look at all of it, once.
     pub(crate) fn needs_undrawn(&self) -> bool {
         self.cut_place != CutPlace::Nowhere && (self.cut.needs_undrawn() || self.uploads_ids)
@@ -492,7 +504,7 @@ fn cut_place(
     };
     let plan = splat_plan(settings, capabilities.max_point_px);
     let refusal = match is_one {
-        true => device_cut_refusal(settings, facts, &plan),
+        true => device_cut_refusal(settings, facts, (&plan, capabilities)),
         false => Some("several models are drawn together"),
     };
     match (settings.cut_on, refusal) {

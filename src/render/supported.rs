@@ -5,6 +5,7 @@ use crate::gpu::Error;
 use crate::pack::splats::SplatPlan;
 use crate::pack::{ColorBy, ids};
 use crate::progress::SilentProgress;
+use crate::render::capabilities::RendererCapabilities;
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::technique::Technique;
 use crate::render::{
@@ -283,11 +284,12 @@ fn check_filtered(
 pub(crate) fn device_cut_refusal(
     settings: &Settings,
     facts: &DrawnFacts,
-    plan: &SplatPlan,
+    (plan, capabilities): (&SplatPlan, &RendererCapabilities),
 ) -> Option<&'static str> {
     let technique = Technique::of(settings);
-    if settings.method != Method::Pop {
-        Some("it draws triangles beside splats; use --method pop")
+    let have_own_sizes = plan.draws_large_leaves || !facts.kind.is_surface();
+    if !settings.has_cut() {
+        Some("methods without a cut choose nothing; use --method pop or splats")
     } else if technique == Technique::Filtered {
         Some(
             "filtered splats depend on the view, and the processor makes them; use another --splat",
@@ -310,10 +312,10 @@ pub(crate) fn device_cut_refusal(
         Some("it does not tell levels of the tree; use another --color-by")
     } else if facts.has_textures {
         Some("it draws no textures")
-    } else if !facts.kind.is_surface() {
-        Some("the model has no triangles")
-    } else if !plan.fits_always(facts.kind) {
+    } else if !plan.fits_within_threshold() {
         Some("the device has no points of this size")
+    } else if have_own_sizes && !capabilities.has_first_instance {
+        Some("the device draws no instances from the middle of a list (drawIndirectFirstInstance)")
     } else {
         None
     }

@@ -126,6 +126,14 @@ pub(crate) fn generated(shape: GeneratedShape, triangles: u64) -> Model {
     .unwrap()
 }
 
+/// The vertices of a generated mesh, with its tree.
+pub(crate) fn cloud(shape: GeneratedShape, triangles: u64) -> Model {
+    let spec = ShapeSpec::with_triangles(shape, triangles).unwrap();
+    let mut mesh = surfel::generate::mesh(&spec);
+    mesh.triangles.clear();
+    tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
+}
+
 /// A real model with its tree, or `None` when it is absent.
 pub(crate) fn real(name: &str) -> Option<Model> {
     Some(built(&models::real_file(name)?))

@@ -63,6 +63,8 @@ pub struct DeviceInfo {
     pub device_memory: u64,
     /// Indices up to 2^32 - 1 may be drawn (else 2^24 - 1).
     pub has_full_index: bool,
+    /// Draws whose arguments the device wrote may begin at any instance.
+    pub has_first_instance: bool,
     /// 64-bit atomics on storage buffers.
     pub has_int64_atomics: bool,
     /// Blending into 32-bit float targets.

@@ -36,6 +36,7 @@ const CARD: RendererCapabilities = RendererCapabilities {
     has_int64_atomics: true,
     max_storage_range: 1 << 27,
     binds_vertices: true,
+    has_first_instance: true,
     cuts_sooner: false,
     fits_device_cut: true,
     fits_tree: true,

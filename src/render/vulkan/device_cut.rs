@@ -3,9 +3,10 @@
 //! `cut.tree` goes down level by level ([`crate::cut::CutSelector`] does the same on the host): an invocation a node, a queue
 //! of sibling groups a level, and each level tells how many workgroups the next one has. The number of what is small is
 //! written to the list of splats at once. `cut.leaves` writes the others, and the corners of triangles: from the start of
-//! their list those of a few pixels, from its end the others; last it counts. `lists.splats`
-//! ([`crate::render::vulkan::expand_ids`]) makes the records of a technique of the numbers, and its own passes draw them, by
-//! arguments that were left beside the lists. Related: Schütz, Kerbl and Wimmer, *Rendering Point Clouds with Compute Shaders
+//! their list those of a few pixels, from its end the others; last it counts. Points of a cloud, and triangles where they are
+//! splats too, have sizes of their own: those that may be too large for a point are listed from the end, and are quads.
+//! `lists.splats` ([`crate::render::vulkan::expand_ids`]) makes the records of a technique of the numbers, and its own passes
+//! draw them, by arguments that were left beside the lists. Related: Schütz, Kerbl and Wimmer, *Rendering Point Clouds with Compute Shaders
 //! and Vertex Order Optimization* (2021), where nodes are chosen on the device too.
 //!
 //! It chooses what the host chooses, by the same operations in the same order; but for triangles that single precision
@@ -20,16 +21,17 @@ use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
+use crate::pack::Footprint;
 use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
 use crate::render::cut_key::CutKey;
 use crate::render::frame_plan::FramePlan;
+use crate::render::pack_params::splat_plan;
+use crate::render::technique::Technique;
 use crate::render::vulkan::device_tree;
 use crate::render::vulkan::device_tree::{DeviceTree, SceneTree};
 use crate::render::vulkan::expand_ids::{ChosenIds, ExpandedKind};
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
-use crate::render::vulkan::raster_pass::{
-    ChosenSplats, ListArguments, PageRange, RasterSplats, RasterTriangles,
-};
+use crate::render::vulkan::raster_pass::{ChosenSplats, ListArguments, PageRange, RasterTriangles};
 use crate::render::vulkan::scene::{DeviceScene, ScenePage};
 use crate::render::vulkan::storage_ranges::{ComputeList, ListGroups};
 use crate::tree::Model;
@@ -39,6 +41,8 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(crate) struct DeviceCut {
     scene: u64,
+    /// Leaves are points.
+    are_points: bool,
     levels: usize,
     most_splats: u32,
     most_triangles: u32,
@@ -49,7 +53,7 @@ pub(crate) struct DeviceCut {
     ids: DeviceBuffer,
     /// Records of them, and of which kind.
     records: DeviceBuffer,
-    has_areas: bool,
+    kind: ExpandedKind,
     indices: DeviceBuffer,
     /// The part of `indices` that has those of triangles for compute.
     small: [PageRange; 1],
@@ -101,6 +105,31 @@ pub(crate) struct ChoiceRules {
     pub(crate) by_compute: bool,
     /// Balls without the center of a pixel are left out, where splats are a pixel.
     pub(crate) are_samples: bool,
+    /// Large triangles are splats.
+    pub(crate) draws_large_leaves: bool,
+    /// Splats have radii of their own.
+    pub(crate) are_oriented: bool,
+    /// Largest side of a leaf that is drawn as a point, pixels, without what it is widened by.
+    pub(crate) largest_px: f32,
+}
+
+impl ChoiceRules {
+    /// Rules of a planned frame.
+    pub(crate) fn of(plan: &FramePlan) -> Self {
+        let settings = &plan.settings;
+        let splats = splat_plan(settings, plan.max_point_px);
+        Self {
+            threshold_px: settings.threshold_px,
+            // Compute draws no triangles beside visibility splats.
+            by_compute: plan.draws_cut_by_compute && plan.technique == Technique::Opaque,
+            // Points of a cloud are no surface that others would close, and where leaves have sizes of their own the processor
+            // asks no centers either.
+            are_samples: plan.cut.needs_undrawn() && !plan.primitives.has_large_splats,
+            draws_large_leaves: splats.draws_large_leaves,
+            are_oriented: splats.footprint == Footprint::Oriented,
+            largest_px: splats.largest_side_px(),
+        }
+    }
 }
 
 /// Byte of the counters at which the workgroups of a level are.
@@ -136,7 +165,8 @@ fn bytes_of<T>(count: usize) -> u64 {
 impl DeviceCut {
     /// Tells whether its lists have room for cuts of the scene, as records of a kind.
     pub(crate) fn is_of(&self, scene: &DeviceScene, kind: ExpandedKind) -> bool {
-        self.scene == scene.id() && self.has_areas == kind.have_areas
+        let members = |kind: ExpandedKind| (kind.have_areas, kind.have_quads);
+        self.scene == scene.id() && members(self.kind) == members(kind)
     }
 
     /// Makes room for the largest cut there is of a tree, as records of a kind. `slots`: frames in flight.
@@ -166,6 +196,7 @@ impl DeviceCut {
         let list = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::List, bytes);
         Ok(Self {
             scene: on.scene.id(),
+            are_points: !model.kind().is_surface(),
             levels: if tree.nodes.is_empty() {
                 0
             } else {
@@ -180,7 +211,7 @@ impl DeviceCut {
             ],
             ids: list("numbers of the device's cut", ids)?,
             records: list("splats of the device's cut", records)?,
-            has_areas: kind.have_areas,
+            kind,
             indices: list("triangles of the device's cut", indices)?,
             small: [PageRange {
                 page: 0,
@@ -214,6 +245,11 @@ impl DeviceCut {
         CutConstants {
             compute_ratio,
             are_samples: usual.are_samples * u32::from(rules.are_samples),
+            are_points: u32::from(self.are_points),
+            draws_large_leaves: u32::from(rules.draws_large_leaves),
+            are_oriented: u32::from(rules.are_oriented),
+            room: self.room(),
+            largest_px: rules.largest_px,
             ..usual
         }
     }
@@ -370,6 +406,15 @@ impl DeviceCut {
             records: &self.records,
             room: self.room(),
             groups: self.groups().splats,
+            quads: self.kind.have_quads.then(|| self.quad_groups()),
+        }
+    }
+
+    /// Arguments of a dispatch over its quads.
+    fn quad_groups(&self) -> ListArguments<'_> {
+        ListArguments {
+            buffer: &self.counters,
+            offset: std::mem::offset_of!(CutCounters, quad_groups) as u64,
         }
     }
 
@@ -384,17 +429,19 @@ impl DeviceCut {
     }
 
     /// The splats, as the rasterizer draws them.
-    pub(crate) fn splats(&self) -> RasterSplats<'_> {
-        let offset = std::mem::offset_of!(CutCounters, splats) as u64;
-        RasterSplats::Chosen(ChosenSplats {
+    pub(crate) fn splats(&self) -> ChosenSplats<'_> {
+        let at = |offset: usize| ListArguments {
+            buffer: &self.counters,
+            offset: offset as u64,
+        };
+        let quads = at(std::mem::offset_of!(CutCounters, quads));
+        ChosenSplats {
             records: &self.records,
             room: self.room(),
-            draw: ListArguments {
-                buffer: &self.counters,
-                offset,
-            },
+            points: Some(at(std::mem::offset_of!(CutCounters, splats))),
+            quads: self.kind.have_quads.then_some(quads),
             groups: self.groups().splats,
-        })
+        }
     }
 
     /// Counts of the frame of a slot, which has finished.

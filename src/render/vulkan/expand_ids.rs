@@ -29,6 +29,8 @@ use std::sync::Arc;
 pub(super) struct IdExpansion {
     /// Of splats of one size and with radii of their own, each without and with areas.
     splats: [ShaderPipeline; 4],
+    /// The same of quads that the device chose.
+    quads: [ShaderPipeline; 4],
     triangles: ShaderPipeline,
     has_triangles: bool,
 }
@@ -40,6 +42,8 @@ pub(crate) struct ExpandedKind {
     pub(crate) are_oriented: bool,
     /// The areas that they stand for.
     pub(crate) have_areas: bool,
+    /// Sizes of their own, which may be too large for points.
+    pub(crate) have_quads: bool,
 }
 
 /// Numbers of splats that the device chose, and where their records go.
@@ -49,8 +53,10 @@ pub(super) struct ChosenIds<'a> {
     pub(super) records: &'a DeviceBuffer,
     /// Items that both have room for.
     pub(super) room: u32,
-    /// A dispatch over all that were chosen.
+    /// A dispatch over all that are points.
     pub(super) groups: ListArguments<'a>,
+    /// A dispatch over the quads, which end the list; none where there never are any.
+    pub(super) quads: Option<ListArguments<'a>>,
 }
 
 impl ExpandedKind {
@@ -59,6 +65,7 @@ impl ExpandedKind {
         Self {
             are_oriented: plan.settings.footprint() == Footprint::Oriented,
             have_areas: plan.technique == Technique::Fuzzy,
+            have_quads: plan.primitives.has_large_splats,
         }
     }
 
@@ -81,23 +88,26 @@ impl IdExpansion {
     /// # Errors
     /// When a Vulkan call fails.
     pub(super) fn new(gpu: &Arc<Gpu>, has_triangles: bool) -> Result<Self, Error> {
-        let splats = |are_oriented, have_areas| {
+        let splats = |shader, are_oriented, have_areas| {
             let constants = [
                 ARE_ORIENTED.is(are_oriented),
                 HAVE_AREAS.is(have_areas),
                 HAVE_TRIANGLES.is(has_triangles),
             ];
-            let shader = &shaders::LISTS_SPLATS_COMP;
             ShaderPipeline::compute(gpu, "lists.splats", shader, &constants)
+        };
+        let of_each = |shader| {
+            Ok::<_, Error>([
+                splats(shader, false, false)?,
+                splats(shader, false, true)?,
+                splats(shader, true, false)?,
+                splats(shader, true, true)?,
+            ])
         };
         let triangles = &shaders::LISTS_TRIANGLES_COMP;
         Ok(Self {
-            splats: [
-                splats(false, false)?,
-                splats(false, true)?,
-                splats(true, false)?,
-                splats(true, true)?,
-            ],
+            splats: of_each(&shaders::LISTS_SPLATS_COMP)?,
+            quads: of_each(&shaders::LISTS_QUADS_COMP)?,
             triangles: ShaderPipeline::compute(gpu, "lists.triangles", triangles, &[])?,
             has_triangles,
         })
@@ -149,6 +159,7 @@ impl IdExpansion {
             records,
             room,
             groups,
+            quads,
         } = chosen;
         let constants = storage_ranges::constants(context);
         let (constants, _) = part(frame, constants, 0, room as usize)?;
@@ -159,13 +170,21 @@ impl IdExpansion {
         }
         let [nodes, attributes, leaves, corners, vertices] = in_tree.map(BufferSlice::whole);
         let (ids, out) = (BufferSlice::whole(ids), BufferSlice::whole(records));
-        let bound = [ids, nodes, attributes, leaves, corners, vertices, out];
-        pass.storage(records)
-            .group_arguments(groups.buffer)
-            .compute(|compute| {
-                compute.bind(&self.splats[kind.index()], &[constants], &bound);
-                compute.groups_from(groups.buffer, groups.offset);
-            });
+        let counts = BufferSlice::whole(groups.buffer);
+        pass = pass.storage(records).group_arguments(groups.buffer);
+        if quads.is_some() {
+            pass = pass.storage_read(groups.buffer);
+        }
+        pass.compute(|compute| {
+            let bound = [ids, leaves, corners, vertices, out, nodes, attributes];
+            compute.bind(&self.splats[kind.index()], &[constants], &bound);
+            compute.groups_from(groups.buffer, groups.offset);
+            if let Some(quads) = quads {
+                let bound = [ids, leaves, corners, vertices, out, counts];
+                compute.bind(&self.quads[kind.index()], &[constants], &bound);
+                compute.groups_from(quads.buffer, quads.offset);
+            }
+        });
         Ok(())
     }
 
@@ -199,12 +218,12 @@ impl IdExpansion {
         let [nodes, attributes, leaves, corners, vertices] = in_tree.map(BufferSlice::whole);
         let bound = [
             first_bytes(ids, capacity * size_of::<SplatId>()),
-            nodes,
-            attributes,
             leaves,
             corners,
             vertices,
             first_bytes(out, capacity * kind.bytes()),
+            nodes,
+            attributes,
         ];
         pass.storage(out).compute(|compute| {
             for (constants, count) in parts {
@@ -431,6 +450,7 @@ mod tests {
                         let kind = ExpandedKind {
                             are_oriented: footprint == Footprint::Oriented,
                             have_areas,
+                            have_quads: false,
                         };
                         let list = (&named[..], packed);
                         let device = made(&gpu, (&model, &scene), list, kind);

@@ -53,16 +53,33 @@ pub(crate) struct ListArguments<'a> {
     pub(crate) offset: u64,
 }
 
-/// Records of splats that are points, as many as the device says.
+/// Records of splats, as many as the device says: points from the start of the list, quads up to its end.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ChosenSplats<'a> {
     pub(crate) records: &'a DeviceBuffer,
     /// Most that there can be.
     pub(crate) room: u32,
-    /// A draw of all.
-    pub(crate) draw: ListArguments<'a>,
-    /// A dispatch over all, of workgroups that copies of the first one fill up.
+    /// A draw of the points; none where something else draws them.
+    pub(crate) points: Option<ListArguments<'a>>,
+    /// A draw of the quads; none where there never are any.
+    pub(crate) quads: Option<ListArguments<'a>>,
+    /// A dispatch over the points, of workgroups that copies of the first one fill up.
     pub(crate) groups: ListArguments<'a>,
+}
+
+impl ChosenSplats<'_> {
+    /// There are surely none.
+    fn is_empty(&self) -> bool {
+        self.points.is_none() && self.quads.is_none()
+    }
+
+    /// The same list without its points.
+    pub(crate) fn without_points(self) -> Self {
+        Self {
+            points: None,
+            ..self
+        }
+    }
 }
 
 impl RasterTriangles<'_> {
@@ -170,7 +187,8 @@ impl RasterList<'_> {
     pub(crate) fn is_empty(&self) -> bool {
         let has_splats = match &self.splats {
             RasterSplats::Records(records) => !records.is_empty(),
-            RasterSplats::Vertices { .. } | RasterSplats::Chosen(_) => true,
+            RasterSplats::Chosen(chosen) => !chosen.is_empty(),
+            RasterSplats::Vertices { .. } => true,
             RasterSplats::Polygons(_, count) => *count > 0,
             RasterSplats::Nothing => false,
         };
@@ -223,7 +241,12 @@ impl RasterList<'_> {
         match &self.splats {
             RasterSplats::Records(records) => pass.vertices(records.buffer),
             RasterSplats::Chosen(chosen) => {
-                pass.vertices(chosen.records).arguments(chosen.draw.buffer)
+                let arguments = chosen.points.or(chosen.quads);
+                let pass = pass.vertices(chosen.records);
+                match arguments {
+                    Some(arguments) => pass.arguments(arguments.buffer),
+                    None => pass,
+                }
             }
             RasterSplats::Polygons(polygons, _) => pass.vertices(*polygons),
             RasterSplats::Vertices { .. } | RasterSplats::Nothing => pass,
@@ -329,9 +352,13 @@ fn draw_splats(
             }
         }
         RasterSplats::Chosen(chosen) => {
-            bind_splats(draw, pipelines, false, constants);
-            draw.vertices(chosen.records, 0);
-            draw.draw_from(chosen.draw.buffer, chosen.draw.offset);
+            for (arguments, may_be_quads) in [(chosen.points, false), (chosen.quads, true)] {
+                if let Some(arguments) = arguments {
+                    bind_splats(draw, pipelines, may_be_quads, constants);
+                    draw.vertices(chosen.records, 0);
+                    draw.draw_from(arguments.buffer, arguments.offset);
+                }
+            }
         }
         RasterSplats::Vertices { as_quads } => {
             let are_quads = bind_splats(draw, pipelines, as_quads, constants);

@@ -378,7 +378,7 @@ impl VulkanRenderer {
             let counts = cut.counts(ticket.slot);
             times.counts = FrameCounts {
                 nodes_visited: u64::from(counts.visited),
-                splats: u64::from(counts.splats[0]),
+                splats: u64::from(counts.splats[0]) + u64::from(counts.quads[1]),
                 triangles: u64::from(counts.triangles[0] / 3 + counts.small),
                 ..FrameCounts::default()
             };
@@ -430,9 +430,9 @@ impl VulkanRenderer {
         let counted = is_counted.then(|| self.frames.next_slot());
         let on_device = plan.cut_place == CutPlace::Device;
         let (ticket, times) = match plan.settings.method {
+            _ if on_device => self.draw_on_device(drawn, end)?,
             Method::Triangles => self.draw_triangles(drawn, end)?,
             Method::Points => self.draw_points(drawn, end)?,
-            Method::Pop if on_device => self.draw_on_device(drawn, end)?,
             Method::Splats | Method::Pop => self.draw_cut(drawn, end)?,
         };
         Ok(SubmittedFrame {
@@ -492,6 +492,7 @@ impl VulkanRenderer {
             max_storage_range: info.max_storage_range,
             binds_vertices: (scene.vertex_buffers())
                 .all(|vertices| AnyBuffer::bytes(vertices) <= info.max_storage_range),
+            has_first_instance: info.has_first_instance,
             cuts_sooner: self.costs.is_some_and(|costs| costs.cuts_on_device()),
             fits_device_cut: no_cut_of != Some(scene.id()),
             fits_tree: no_tree_of != Some(scene.id()),

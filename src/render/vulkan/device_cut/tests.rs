@@ -11,18 +11,21 @@ use crate::gpu::frame::FrameRing;
 use crate::math::camera::View;
 use crate::pack::splats;
 use crate::progress::SilentProgress;
+use crate::render::capabilities::RendererCapabilities;
 use crate::render::cut_key::cut_settings;
 use crate::render::frame_constants::FrameContext;
 use crate::render::model_facts::DrawnFacts;
 use crate::render::pack_params::splat_plan;
 use crate::render::supported::device_cut_refusal;
 use crate::render::vulkan::expand_ids::IdExpansion;
-use crate::render::{Culling, CutOn};
-use crate::render::{Settings, SplatKind};
+use crate::render::{Culling, CutOn, Method, Settings, SplatKind};
 use crate::tree::{self, BuildOptions};
 
-fn model_of(shape: GeneratedShape, triangles: u64) -> Model {
-    let mesh = generate::mesh(&ShapeSpec::with_triangles(shape, triangles).unwrap());
+fn model_of(shape: GeneratedShape, triangles: u64, is_cloud: bool) -> Model {
+    let mut mesh = generate::mesh(&ShapeSpec::with_triangles(shape, triangles).unwrap());
+    if is_cloud {
+        mesh.triangles.clear();
+    }
     tree::build(mesh, &BuildOptions::default(), &SilentProgress).unwrap()
 }
 
@@ -57,23 +60,34 @@ struct AskedCut<'a> {
     settings: &'a Settings,
     kind: ExpandedKind,
     rules: ChoiceRules,
+    max_point_px: f32,
 }
 
-/// The lists of the device: splats, corners, counts.
+/// Lists that a cut on the device left.
+struct ChosenLists<R> {
+    points: Vec<R>,
+    quads: Vec<R>,
+    /// Corners of the triangles for compute, and of the others.
+    corners: [Vec<[u32; 3]>; 2],
+    counts: CutCounters,
+}
+
+/// The lists of the device.
 fn chosen<R: bytemuck::Pod + PartialEq + std::fmt::Debug>(
     gpu: &Arc<Gpu>,
     (model, scene): (&Model, &DeviceScene),
     view: &View,
     asked: AskedCut<'_>,
-) -> (Vec<R>, [Vec<[u32; 3]>; 2], CutCounters) {
+) -> ChosenLists<R> {
     let AskedCut {
         settings,
         kind,
         rules,
+        ..
     } = asked;
     let mut frames = FrameRing::new(gpu, 1, false).unwrap();
     let tree = DeviceTree::new(gpu, model, scene).unwrap();
-    let expansion = IdExpansion::new(gpu, true).unwrap();
+    let expansion = IdExpansion::new(gpu, model.kind().is_surface()).unwrap();
     let on = SceneTree { tree: &tree, scene };
     let mut cut = DeviceCut::new(gpu, on, model, (kind, 1)).unwrap();
     let mut splats = ReadbackBuffer::new(gpu, "splats", cut.records.bytes()).unwrap();
@@ -105,15 +119,20 @@ fn chosen<R: bytemuck::Pod + PartialEq + std::fmt::Debug>(
         counts.triangles[0] + counts.triangles[2]
     );
     check_copies(&splats, counts.splats[0], counts.splat_groups);
+    let [vertices, quads, first_vertex, first_quad] = counts.quads;
+    assert_eq!((vertices, first_vertex), (6, 0));
+    assert_eq!(first_quad + quads, cut.room());
+    assert!(kind.have_quads || quads == 0);
     check_copies(&corners, counts.small, counts.small_groups);
-    (
-        splats[..counts.splats[0] as usize].to_vec(),
-        [
+    ChosenLists {
+        points: splats[..counts.splats[0] as usize].to_vec(),
+        quads: splats[first_quad as usize..cut.room() as usize].to_vec(),
+        corners: [
             corners[..counts.small as usize].to_vec(),
             corners[first..].to_vec(),
         ],
         counts,
-    )
+    }
 }
 
 /// Compute draws no triangle of more than its limit, and all of clearly less, however they are turned.
@@ -146,15 +165,15 @@ fn check_copies<T: bytemuck::Pod + PartialEq + std::fmt::Debug>(
     }
 }
 
-/// Cut that the processor chooses, and the records of its splats.
+/// Cut that the processor chooses, and the records of its points and quads.
 fn of_host<R: splats::SplatRecord + bytemuck::Pod + Send>(
     gpu: &Gpu,
     (model, undrawn): (&Model, &cut::ZeroAreaSet),
     view: &View,
     asked: AskedCut<'_>,
-) -> (Cut, Vec<R>) {
+) -> (Cut, [Vec<R>; 2]) {
     let settings = asked.settings;
-    let plan = splat_plan(settings, 255.0);
+    let plan = splat_plan(settings, asked.max_point_px);
     let mut cut = Cut::default();
     let mut selector = CutSelector::default().with_subpixel_bits(gpu.info().subpixel_bits);
     let of_cut = cut_settings(settings, model);
@@ -173,9 +192,9 @@ fn of_host<R: splats::SplatRecord + bytemuck::Pod + Send>(
     }
     let mut records = vec![R::zeroed(); splats::count(&cut, &plan)];
     let packed = splats::pack::<R>(model, &cut, view, &plan, &mut records);
-    assert_eq!(packed.quads, 0);
+    let quads = records[records.len() - packed.quads..].to_vec();
     records.truncate(packed.points);
-    (cut, records)
+    (cut, [records, quads])
 }
 
 /// Checks that triangles are so edge-on that single precision may take their product for nothing.
@@ -194,25 +213,40 @@ fn check_edge_on(model: &Model, view: &View, triangles: &[Vec<u32>], what: &str)
     }
 }
 
-/// Compares the lists of the device with those of the host, and counts nodes, strips, leaves and triangles of the cut.
+/// Compares the lists of the device with those of the host, and counts nodes, strips, leaves, triangles and quads of the cut.
 fn compare<R>(
     gpu: &Arc<Gpu>,
     (model, scene, undrawn): (&Model, &DeviceScene, &cut::ZeroAreaSet),
     view: &View,
     asked: AskedCut<'_>,
     what: &str,
-) -> [usize; 4]
+) -> [usize; 5]
 where
     R: splats::SplatRecord + bytemuck::Pod + Send + PartialEq + std::fmt::Debug,
 {
     let (cut, host) = of_host::<R>(gpu, (model, undrawn), view, asked);
-    let (splats, [small, large], counts) = chosen::<R>(gpu, (model, scene), view, asked);
+    let ChosenLists {
+        points,
+        quads,
+        corners: [small, large],
+        counts,
+    } = chosen::<R>(gpu, (model, scene), view, asked);
+    // Of sizes at the limit either may be the case.
+    let of_host = host[1].len();
+    let most = 2 + of_host / 1000;
+    let of_device = quads.len();
+    assert!(
+        of_device.abs_diff(of_host) <= most,
+        "{what}: {of_device} quads, {of_host}"
+    );
+    let (splats, host) = ([points, quads].concat(), host.concat());
     check_sizes(view, model, [&small, &large], asked.rules.by_compute);
     let kinds = [
         cut.nodes.len(),
         cut.strips.len(),
         cut.leaves.len(),
         cut.triangles.len(),
+        of_device,
     ];
     // Elsewhere roots and quotients may differ in the last place, and with them single nodes.
     if !gpu.info().is_cpu() {
@@ -226,9 +260,12 @@ where
     let Some(extra) = more(&sorted(&splats), &sorted(&host)) else {
         panic!("{what}: splats of the host are missing");
     };
-    let corners: Vec<[u32; 3]> = (cut.triangles.iter())
-        .map(|&id| model.triangles[id as usize])
-        .collect();
+    let corners: Vec<[u32; 3]> = match asked.rules.draws_large_leaves {
+        true => Vec::new(),
+        false => (cut.triangles.iter())
+            .map(|&id| model.triangles[id as usize])
+            .collect(),
+    };
     let Some(edge_on) = more(&sorted(&[small, large].concat()), &sorted(&corners)) else {
         panic!("{what}: triangles of the host are missing");
     };
@@ -270,39 +307,61 @@ fn views_of(model: &Model) -> Vec<View> {
 #[test]
 fn the_device_chooses_what_the_host_chooses() {
     let Some(gpu) = device() else { return };
-    let mut kinds = [[0; 4]; 3];
-    for (shape, triangles) in [
-        (GeneratedShape::Statue, 60_000),
-        (GeneratedShape::Torus, 40_000),
-        (GeneratedShape::Sphere, 20_000),
-        (GeneratedShape::Square, 2),
-        (GeneratedShape::Square, 5_000),
+    // Of plain, oriented and weighted splats.
+    let mut kinds = [[0; 5]; 3];
+    for (shape, triangles, is_cloud) in [
+        (GeneratedShape::Statue, 60_000, false),
+        (GeneratedShape::Torus, 40_000, false),
+        (GeneratedShape::Sphere, 20_000, false),
+        (GeneratedShape::Square, 2, false),
+        (GeneratedShape::Square, 5_000, false),
+        (GeneratedShape::Statue, 60_000, true),
+        (GeneratedShape::Sphere, 8_000, true),
     ] {
-        let model = model_of(shape, triangles);
+        let model = model_of(shape, triangles, is_cloud);
         let scene = DeviceScene::new(&gpu, &model).unwrap();
         let undrawn = cut::ZeroAreaSet::new(&model);
         for (index, view) in views_of(&model).iter().enumerate() {
-            for (splat, threshold_px, culling) in [
-                (SplatKind::Square, 1.0, Culling::Auto),
-                (SplatKind::Square, 2.5, Culling::Off),
-                (SplatKind::Disc, 7.0, Culling::Auto),
-                (SplatKind::Square, 40.0, Culling::On),
-                (SplatKind::Ellipse, 1.0, Culling::Auto),
-                (SplatKind::Visibility, 5.0, Culling::Off),
-                (SplatKind::Gauss, 1.0, Culling::Off),
-                (SplatKind::Gauss, 3.5, Culling::Auto),
+            for (splat, threshold_px, culling, method) in [
+                (SplatKind::Square, 1.0, Culling::Auto, Method::Pop),
+                (SplatKind::Square, 2.5, Culling::Off, Method::Pop),
+                (SplatKind::Disc, 7.0, Culling::Auto, Method::Pop),
+                (SplatKind::Square, 40.0, Culling::On, Method::Pop),
+                (SplatKind::Ellipse, 1.0, Culling::Auto, Method::Pop),
+                (SplatKind::Visibility, 5.0, Culling::Off, Method::Pop),
+                (SplatKind::Gauss, 1.0, Culling::Off, Method::Pop),
+                (SplatKind::Gauss, 3.5, Culling::Auto, Method::Pop),
+                (SplatKind::Square, 1.5, Culling::Auto, Method::Splats),
+                (SplatKind::Disc, 4.0, Culling::Off, Method::Splats),
+                (SplatKind::Ellipse, 3.0, Culling::Off, Method::Splats),
+                (SplatKind::Gauss, 2.0, Culling::Auto, Method::Splats),
             ] {
                 let settings = Settings {
                     splat,
                     threshold_px,
                     culling,
+                    method,
                     cut_on: CutOn::Device,
                     ..Settings::default()
                 };
-                let plan = splat_plan(&settings, 255.0);
-                assert_eq!(device_cut_refusal(&settings, &(&model).into(), &plan), None);
+                let have_quads = is_cloud || method == Method::Splats;
+                let usual = splat_plan(&settings, 255.0);
+                let max_point_px = match have_quads {
+                    true => usual.within_threshold_px() + 3.0,
+                    false => 255.0,
+                };
+                let plan = splat_plan(&settings, max_point_px);
+                let capable = RendererCapabilities {
+                    has_first_instance: true,
+                    ..RendererCapabilities::PROCESSOR
+                };
+                let facts = DrawnFacts::from(&model);
+                assert_eq!(
+                    device_cut_refusal(&settings, &facts, (&plan, &capable)),
+                    None
+                );
                 let what = format!(
-                    "{shape:?} {triangles}, view {index}, {splat:?} of {threshold_px} px, {culling:?}"
+                    "{shape:?} {triangles}, cloud {is_cloud}, view {index}, {method:?}, {splat:?} of {threshold_px} px, {culling:?}"
                 );
                 let have_areas = splat == SplatKind::Gauss;
                 let is_plain = matches!(splat, SplatKind::Square | SplatKind::Disc);
@@ -311,12 +370,17 @@ fn the_device_chooses_what_the_host_chooses() {
                     kind: ExpandedKind {
                         are_oriented: !is_plain,
                         have_areas,
+                        have_quads,
                     },
                     rules: ChoiceRules {
                         threshold_px,
                         by_compute: index % 2 == 0,
-                        are_samples: is_plain && threshold_px <= 1.0,
+                        are_samples: is_plain && threshold_px <= 1.0 && !have_quads,
+                        draws_large_leaves: method == Method::Splats,
+                        are_oriented: !is_plain,
+                        largest_px: plan.largest_side_px(),
                     },
+                    max_point_px,
                 };
                 let of_model = (&model, &scene, &undrawn);
                 let found = match have_areas {
@@ -337,12 +401,13 @@ fn the_device_chooses_what_the_host_chooses() {
 /// No cut has more splats than there is room for, and some tree has one with more splats than leaves below a row.
 #[test]
 fn there_is_room_for_every_cut() {
-    for (shape, triangles) in [
-        (GeneratedShape::Torus, 30_000),
-        (GeneratedShape::Statue, 20_000),
-        (GeneratedShape::Square, 2),
+    for (shape, triangles, is_cloud) in [
+        (GeneratedShape::Torus, 30_000, false),
+        (GeneratedShape::Statue, 20_000, false),
+        (GeneratedShape::Statue, 20_000, true),
+        (GeneratedShape::Square, 2, false),
     ] {
-        let model = model_of(shape, triangles);
+        let model = model_of(shape, triangles, is_cloud);
         let most = cut::most_splats(&model);
         assert!(most >= model.tree.leaves.len() as u64);
         assert!(most <= 2 * model.tree.leaves.len() as u64);

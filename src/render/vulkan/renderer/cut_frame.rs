@@ -365,7 +365,7 @@ impl<'a> CutPasses<'a> {
                     false => records,
                 })
             }
-            (CutLists::Chosen(..), true) => RasterSplats::Nothing,
+            (CutLists::Chosen(cut, _), true) => RasterSplats::Chosen(cut.splats().without_points()),
             (CutLists::Chosen(..), false) => raster.splats,
         };
         RasterList { splats, ..raster }
@@ -406,8 +406,11 @@ impl<'a> CutPasses<'a> {
             },
             CutLists::Chosen(cut, _) => RasterList {
                 scene,
-                triangles: cut.triangles(),
-                splats: cut.splats(),
+                triangles: match self.drawn.plan.chooses_triangles() {
+                    true => cut.triangles(),
+                    false => RasterTriangles::Nothing,
+                },
+                splats: RasterSplats::Chosen(cut.splats()),
             },
         }
     }

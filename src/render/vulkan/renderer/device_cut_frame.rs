@@ -6,7 +6,6 @@ use crate::gpu::frame::FrameTicket;
 use crate::render::cut_key::cut_settings;
 use crate::render::model_facts::FactedModel;
 use crate::render::stats::{FrameStage, KeptWork};
-use crate::render::technique::Technique;
 use crate::render::vulkan::device_cut::{ChoiceRules, ChosenKey};
 use crate::render::vulkan::renderer::cut_frame::ListPlace;
 use crate::render::vulkan::renderer::{FrameEnding, FrameTimes, PlannedFrame, VulkanRenderer};
@@ -30,12 +29,7 @@ impl VulkanRenderer {
             times.kept = KeptWork::Lists;
         }
         let submit = FrameStage::Submit.begin();
-        let rules = ChoiceRules {
-            threshold_px: plan.settings.threshold_px,
-            // Compute draws no triangles beside visibility splats.
-            by_compute: plan.draws_cut_by_compute && plan.technique == Technique::Opaque,
-            are_samples: plan.cut.needs_undrawn(),
-        };
+        let rules = ChoiceRules::of(plan);
         let tests = (!is_kept).then(|| {
             let tester = NodeTester::new(model, &plan.view, &cut_settings(&plan.settings, model));
             cut.constants(&tester, &plan.view, rules)

@@ -268,7 +268,8 @@ impl VisibilityPasses {
             RasterSplats::Records(records) => records.quads.count > 0,
             RasterSplats::Vertices { as_quads } => as_quads,
             RasterSplats::Polygons(..) => true,
-            RasterSplats::Chosen(_) | RasterSplats::Nothing => false,
+            RasterSplats::Chosen(chosen) => chosen.quads.is_some(),
+            RasterSplats::Nothing => false,
         };
         let rect_px = if has_quads {
             context.whole_px()
@@ -318,7 +319,8 @@ impl VisibilityPasses {
                 Some((RasterSplats::Nothing, VisibleList::of(polygons, count)))
             }
             RasterSplats::Chosen(chosen) => {
-                Some((RasterSplats::Nothing, VisibleList::chosen(&chosen)))
+                let rest = RasterSplats::Chosen(chosen.without_points());
+                Some((rest, VisibleList::chosen(&chosen)))
             }
             _ => None,
         };
