@@ -19,6 +19,7 @@ mod color;
 mod detail;
 mod layers;
 mod limits;
+mod openings;
 mod outline;
 mod shape;
 mod triangles;
@@ -235,6 +236,42 @@ pub static ALL: &[SceneEntry] = &[
         shows: "a ball of 0.28 square pixels that no pixel center meets",
         fails: "triangles lose it, a square makes it a whole pixel; its mean normal is zero",
         make: detail::under_pixel,
+    },
+    SceneEntry {
+        name: "pierced-sheet",
+        shows: "a flat sheet with 256 holes of four pixels",
+        fails: "splats larger than a hole close it; one polygon for a part with holes would, so its overhang refuses it",
+        make: openings::pierced_sheet,
+    },
+    SceneEntry {
+        name: "strips",
+        shows: "strips of 2.3 pixels in one plane with gaps of 1.7",
+        fails: "squares of the threshold close the gaps",
+        make: openings::strips,
+    },
+    SceneEntry {
+        name: "pillars",
+        shows: "closed pillars of four pixels with gaps of four",
+        fails: "nothing at a pixel; one polygon over several would close the gaps between them",
+        make: openings::pillars,
+    },
+    SceneEntry {
+        name: "thin-foil",
+        shows: "a closed plate a third of a pixel thick, red in front and green behind",
+        fails: "points show the back; a polygon of both sides would mix them",
+        make: openings::thin_foil,
+    },
+    SceneEntry {
+        name: "crossing",
+        shows: "a red and a green sheet that cross in the middle of the picture",
+        fails: "squares of one stick out of the other where they cross",
+        make: openings::crossing,
+    },
+    SceneEntry {
+        name: "waves",
+        shows: "a wavy sheet from two degrees above itself",
+        fails: "nothing at a pixel; polygons over several waves would flatten them",
+        make: openings::waves,
     },
     SceneEntry {
         name: "needles",

@@ -221,6 +221,18 @@ pub static GROUPS: &[(&str, &str, &[&str])] = &[
         ],
     ),
     (
+        "openings",
+        "holes, gaps and thin parts",
+        &[
+            "pierced-sheet",
+            "strips",
+            "pillars",
+            "thin-foil",
+            "crossing",
+            "waves",
+        ],
+    ),
+    (
         "triangles",
         "triangles that trees and splats do not like",
         &[

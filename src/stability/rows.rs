@@ -96,6 +96,7 @@ const BANDS: &str = "leaves are up to 20 times as long as wide: in a disc around
 /// Within an offset of m r all weights count: red over red and green is 1 / (1 + (z / (z + g))^2), 0.5 for g far below z.
 const HALF_EACH: &str =
     "the gap is half the offset, and what lies within the offset is mixed by definition: half each";
+const SIDES: &str = "splats of the sides, which are seen edge-on and dark, stand in front";
 const FACETS: &str = "a splat is lit by its facet alone, and of several in a pixel one shows";
 
 /// Every row, scene by scene.
@@ -279,6 +280,16 @@ pub static ROWS: &[FailureRow] = &[
     row("fence", "patches", Lost, [2000.0, 8000.0], "wires of 0.4 pixels, drawn as polygons, meet four centers of ten"),
     row("under-pixel", "triangles", Lost, [1.0; 2], "it meets no pixel center"),
     row("under-pixel", "filtered", Lost, [0.0, 1.0], "a node of the whole ball has no vector area and is left out"),
+    row("pillars", "points|splats|splats-disc|splats-visibility", Stray, [25.0, 80.0], SIDES),
+    row("pillars", "points|splats|splats-disc|splats-visibility", Astray, [14.0, 40.0], SIDES),
+    row("pillars", "points", Moire, [25.0, 60.0], SIDES),
+    row("thin-foil", "points", Missing, [13_000.0, 22_000.0], SPARSE),
+    row("thin-foil", "points", Holes, [250.0, 700.0], SPARSE),
+    row("thin-foil", "points", Stray, [25.0, 50.0], HIDDEN_VERTICES),
+    row("thin-foil", "points", Astray, [15.0, 35.0], HIDDEN_VERTICES),
+    row("thin-foil", "points", Moire, [20.0, 40.0], SPARSE),
+    row("waves", "points", Holes, [5.0, 60.0], SPARSE),
+    row("waves", "splats|splats-disc", Moire, [5.0, 16.0], FACETS),
     row("needles", "points", Missing, [5000.0, 8000.0], SPARSE),
     row("needles", "points", Holes, [40.0, 100.0], SPARSE),
     row("needles", "points", Lost, [2400.0, 4300.0], SPARSE),
