@@ -103,6 +103,13 @@ impl SplatId {
     /// The splat lies in the plane of its triangle.
     pub const IN_PLANE: u32 = 1 << 29;
 
+    /// First bit of how often the edges of a piece's triangle are halved, plus one.
+    const PIECE_CUTS: u32 = 26;
+
+    /// Most times that the edges of a piece's triangle are halved. A list of so many pieces of one triangle, 67 million records
+    /// of 48 bytes, is all that 32 bits of a binding's size have room for.
+    pub const MOST_CUTS: u32 = 13;
+
     /// A node as one splat.
     pub fn node(id: u32) -> Self {
         Self { id, part: 0 }
@@ -117,6 +124,13 @@ impl SplatId {
     /// A leaf.
     pub fn leaf(id: u32) -> Self {
         let part = Self::LEAF;
+        Self { id, part }
+    }
+
+    /// Piece of a triangle, a filtered splat with a diameter of its own, whose edges are halved `cuts` times (at most
+    /// [`SplatId::MOST_CUTS`]). The number of the piece has two bits for each time.
+    pub fn of_piece(id: u32, cuts: u32, piece: u32) -> Self {
+        let part = Self::LEAF | (cuts + 1) << Self::PIECE_CUTS | piece;
         Self { id, part }
     }
 }
@@ -308,6 +322,7 @@ mod generated {
 }
 
 pub use device_cut::{CutConstants, CutCounters};
+pub use filtered_list::FilteredConstants;
 pub use generated::{constants, specialization};
 /// The compiled shaders: `<FOLDER>_<FILE>_<STAGE>`.
 pub mod shaders {
@@ -481,6 +496,7 @@ same_layout!(
     dropped_sign = DROPPED_SIGN,
 );
 mod device_cut;
+mod filtered_list;
 mod photos;
 pub use photos::{PhotoGroup, PhotoHeader, PhotoTable};
 

@@ -1,6 +1,6 @@
 //! Draw lists that name nodes, leaves and triangles by their numbers: the same pictures as those of records, to the bit on a
 //! device that rounds as the host does; fewer bytes; kept for a still camera; refused by name where they cannot be. That
-//! numbers become the very records is tested beside the passes (`method::by_id`).
+//! numbers become the very records is tested beside the passes (`expand_ids`, `expand_filtered`).
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod common;
@@ -11,13 +11,14 @@ use surfel::generate::GeneratedShape;
 use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
-use surfel::pack::ColorBy;
+use surfel::pack::lit_sphere::LitSphere;
+use surfel::pack::{ColorBy, Phong, SurfaceLighting};
 use surfel::render::PictureOutputs;
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::KeptWork;
 use surfel::render::vulkan::renderer::VulkanRenderer;
 use surfel::render::vulkan::scene::DeviceScene;
-use surfel::render::{Blend, ListOf, Method, Path, Settings, SplatKind};
+use surfel::render::{Blend, Culling, ListOf, Method, Path, Settings, SplatKind};
 use surfel::tree::Model;
 
 const SIZE: (u32, u32) = (240, 200);
@@ -54,7 +55,7 @@ fn has_pass(times: &FrameTimes, name: &str) -> bool {
 
 /// Whether the device makes records or corners in a frame.
 fn makes(times: &FrameTimes) -> bool {
-    ["lists.splats", "lists.triangles"]
+    ["lists.splats", "lists.filtered", "lists.triangles"]
         .iter()
         .any(|name| has_pass(times, name))
 }
@@ -171,6 +172,98 @@ fn numbers_draw_what_records_draw() {
     }
 }
 
+/// Filtered splats by the rasterizer and by compute, and whether the device computes their colors without powers.
+fn filtered_ways(device: &Device) -> Vec<(&'static str, Settings, bool)> {
+    let usual = Settings {
+        path: Path::Raster,
+        splat: SplatKind::Filtered,
+        threshold_px: 2.0,
+        ..Settings::default()
+    };
+    let of_pixel = Settings {
+        threshold_px: 1.0,
+        ..usual
+    };
+    let whole = Settings {
+        method: Method::Splats,
+        threshold_px: 6.0,
+        ..usual
+    };
+    let both_sides = Settings {
+        culling: Culling::Off,
+        ..usual
+    };
+    let lit = |light| Settings { light, ..usual };
+    let by = |color_by| Settings { color_by, ..usual };
+    let compute = |settings| Settings {
+        path: Path::Compute,
+        ..settings
+    };
+    let sphere = SurfaceLighting::Sphere(LitSphere::Clay);
+    let lamp = SurfaceLighting::Phong(Phong::default());
+    let mut ways = vec![
+        ("filtered", usual, true),
+        ("filtered of a pixel", of_pixel, true),
+        ("all filtered", whole, true),
+        ("filtered of both sides", both_sides, true),
+        ("overdraw of filtered", by(ColorBy::Overdraw), true),
+        ("depths of filtered", by(ColorBy::Depth), false),
+        ("filtered in a lamp", lit(lamp), false),
+        ("filtered by compute", compute(usual), true),
+        ("all filtered by compute", compute(whole), true),
+        ("filtered sphere by compute", compute(lit(sphere)), false),
+    ];
+    ways.retain(|(_, settings, _)| device.paths().contains(&settings.path));
+    ways
+}
+
+#[test]
+fn numbers_draw_the_filtered_splats_that_records_draw() {
+    let Some(device) = Device::open() else { return };
+    let models = [
+        ("statue", generated(GeneratedShape::Statue, 60_000)),
+        ("torus", generated(GeneratedShape::Torus, 30_000)),
+        ("cloud", cloud(GeneratedShape::Sphere, 20_000)),
+    ];
+    let outputs = pictures::with_depth(false);
+    for (name, model) in &models {
+        let mut scene = DeviceScene::new(device.gpu(), model).unwrap();
+        let mut renderer =
+            VulkanRenderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap();
+        let mut views: Vec<View> = [(20.0, 0.2), (130.0, 1.0), (200.0, 3.0)]
+            .map(|(azimuth, fill)| orbit(model, SIZE, azimuth, 25.0, fill))
+            .to_vec();
+        views.push(orthographic(model, SIZE));
+        for (index, view) in views.iter().enumerate() {
+            for (kind, settings, is_exact) in filtered_ways(&device) {
+                let what = format!("{kind} of {name}, view {index}");
+                let mut draw = |list_of| {
+                    let settings = of(list_of, settings);
+                    draw(&mut renderer, (model, &mut scene), view, &settings)
+                };
+                let (records, of_records) = draw(ListOf::Records);
+                let (ids, of_ids) = draw(ListOf::Ids);
+                let oracle = match is_exact {
+                    true => oracle(&device),
+                    false => pictures::IDS_ROUNDED,
+                };
+                oracle.assert_same(&records, &ids, &what);
+                let (a, b) = (of_records.counts, of_ids.counts);
+                // Numbers of what covers nothing are in the list.
+                assert!(a.splats <= b.splats, "{what}: {a:?} {b:?}");
+                assert_eq!(a.triangles, b.triangles, "{what}");
+                // 8 bytes of 48 a splat, 4 of 12 a triangle.
+                assert!(
+                    2 * b.draw_list_bytes <= a.draw_list_bytes,
+                    "{what}: {a:?} {b:?}"
+                );
+                assert!(!makes(&of_records), "{what}");
+                assert_eq!(has_pass(&of_ids, "lists.filtered"), b.splats > 0, "{what}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_scan_is_drawn_by_numbers() {
     let Some(device) = Device::open() else { return };
@@ -263,9 +356,10 @@ fn what_numbers_cannot_say_is_refused_by_name() {
         (
             Settings {
                 splat: SplatKind::Filtered,
+                color_by: ColorBy::Level,
                 ..usual
             },
-            "filtered",
+            "level",
         ),
         (
             Settings {
@@ -304,7 +398,7 @@ fn what_numbers_cannot_say_is_refused_by_name() {
         // Left open, it is drawn by records.
         let settings = of(ListOf::Auto, settings);
         let times = renderer.draw(&model, &mut scene, &view, &settings).unwrap();
-        assert!(!has_pass(&times, "lists.splats"), "{word}");
+        assert!(!makes(&times), "{word}");
     }
     // A scene in several pages has no tree on the device.
     let mut pages = DeviceScene::with_page_limits(device.gpu(), &model, 4000, 6000).unwrap();

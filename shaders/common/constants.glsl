@@ -41,6 +41,33 @@ const uint FILTERED_AROUND_PX = 8u;
 const float FILTERED_JUMP = 3.0;
 // A pixel at a rim shows what is behind when filtered splats cover less of it than this: half a level.
 const float LEAST_FILTERED_COVERAGE = 0.002;
+// Depth offset of a filtered splat that is parallel to the picture, in half sides: its neighbors may not be.
+const float OFFSET_OF_NEIGHBORS = 0.14285715;
+// Depth offset of a triangle beside others of the angle that its corners have with it, in half sides over the sine.
+const float OFFSET_OF_BEND = 2.0;
+// Depth offset of the thickness of a patch, in half thicknesses.
+const float OFFSET_OF_THICKNESS = 1.5;
+// The least width of a filtered splat's rectangle.
+const float LEAST_EXTENT_PX = 0.0625;
+// How far below a node it is looked for how the color changes along its row.
+const uint SLOPE_LEVELS = 4u;
+// Fewest splats of a row along which the color changes. Shorter rows are many, and the eye does not tell.
+const uint LEAST_SLOPED = 4u;
+// Parts of a node nearer together than this, in its radii, tell nothing of a slope along it: the standard deviation of
+// their places. The two triangles of a needle's strip lie at a sixth of its length to either side of the middle.
+const float LEAST_SPREAD = 0.15;
+// How much the color of a row may differ from its mean, in what its parts differ by. From 0.75 to 1.5 tori of needles
+// change by a tenth of a decibel; this is the least FLIP.
+const float MOST_CHANGE = 1.1;
+// Cosine of the angle to the viewer of the flattest patch whose depth offset is its own: flatter ones are pushed as far. With
+// 0.1 a plane lost its last two rows of pixels before the horizon to what lies before them.
+const float LEAST_FILTERED_FACING = 0.02;
+// The same of a triangle that is drawn as one large splat, whose neighbors may be anything: farther, it would hide nothing.
+const float LEAST_FACING_OF_OWN = 0.1;
+// Share of its area that a patch must show to be drawn: seen edge-on or from behind it covers nothing.
+const float LEAST_FRONT = 1e-4;
+// Farther from the picture than this, in pixels, nothing reaches into it.
+const float FARTHEST_PX = 1e9;
 // Compute draws blended splats up to this size, pixels; the rasterizer those that are larger.
 const float LARGEST_SMALL_BLENDED_PX = 16.0;
 // From so many splats and triangles in a pixel on, the heat map of overdraw has the color of the end of its ramp.

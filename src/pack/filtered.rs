@@ -28,6 +28,9 @@
 //! the center, as wide as a node may be, leave none; so what lies in one of them and in no rectangle takes the color of
 //! pixels near by of its part of the surface ([`crate::abi::constants::FILTERED_REACH_PX`]). A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
 
+mod device_constants;
+mod eye;
+mod ids;
 mod patch;
 mod patch_x4;
 mod projection;
@@ -36,6 +39,8 @@ mod strip_batches;
 mod triangle_patches;
 mod triangle_subdivision;
 
+pub use crate::pack::filtered::device_constants::device_constants;
+pub use crate::pack::filtered::ids::ids;
 pub use crate::pack::filtered::projection::FilteredPatch;
 pub use crate::pack::filtered::triangle_subdivision::{
     FirstLarge, drawn_counts, splat_count, take_triangles,
@@ -44,37 +49,24 @@ pub use crate::pack::filtered::triangle_subdivision::{
 pub use crate::pack::filtered::screen_groups::ScreenGroups;
 
 use crate::abi::FilteredSplat;
-use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
+use crate::abi::constants::{LEAST_SLOPED, SLOPE_LEVELS};
 use crate::cut::{Cut, StripRun, strip_steps};
 use crate::math::camera::View;
 use crate::math::octahedral;
+use crate::pack::filtered::eye::FilteredEye;
 use crate::pack::filtered::patch::{SummedPatch, in_pieces};
 use crate::pack::filtered::patch_x4::{ColorSlope, FourPatches, SplatSizes, Vectors};
-use crate::pack::filtered::projection::PictureProjection;
 use crate::pack::filtered::strip_batches::{RowGroup, WaitingLeaves};
 use crate::pack::filtered::triangle_patches::{Triangle, piece_color, triangle_of};
 use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
-use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::parallel;
 use crate::pack::parallel::RecordSink;
-use crate::pack::{ColorBy, LampSource, Phong, SurfaceLighting};
-use crate::tree::{Leaf, Model, Node, Tree};
+use crate::pack::{ColorBy, SurfaceLighting};
+use crate::tree::{Leaf, Model, Node};
 use glam::{Vec3, Vec4};
 use prefetch_index::prefetch_index;
 use std::ops::Range;
 
-/// Depth offset of what is parallel to the picture, in half sides: its neighbors may not be.
-const OFFSET_OF_NEIGHBORS: f32 = 1.0 / 7.0;
-/// Depth offset of a triangle beside others of the angle that its corners have with it, in half sides over the sine.
-const OFFSET_OF_BEND: f32 = 2.0;
-/// Depth offset of the thickness of a patch, in half thicknesses.
-const OFFSET_OF_THICKNESS: f32 = 1.5;
-/// How far below a node it is looked for how the color changes along its row.
-const SLOPE_LEVELS: u32 = 4;
-/// Fewest splats of a row along which the color changes. Shorter rows are many, and the eye does not tell.
-const LEAST_SLOPED: u32 = 4;
-/// The least width of a splat's rectangle.
-const LEAST_EXTENT_PX: f32 = 1.0 / 16.0;
 /// Largest point size that is spent on the spread of a rectangle's edges over pixels.
 const MARGIN_PX: f32 = 2.0;
 
@@ -101,102 +93,6 @@ pub struct FilteredShade {
     pub depth_range: [f32; 2],
     /// How surfaces are lit; positions in model space.
     pub light: SurfaceLighting,
-}
-
-/// The part of the frame that every splat needs.
-struct FilteredEye<'a> {
-    tree: &'a Tree,
-    view: &'a View,
-    shade: FilteredShade,
-    /// Pixels of a model unit at distance 1 (perspective), or everywhere.
-    focal_px: f32,
-    /// Distance along the view direction of a point in model units: of its coordinates, and alone.
-    forward: Vec4,
-    projection: PictureProjection,
-    /// Depth offset in half sides.
-    offset_px: f32,
-    /// To the right and up in the picture, unit vectors in model space.
-    right: Vec3,
-    up: Vec3,
-    /// What surfaces make of the lamp, and the lamp; none with the headlight.
-    lamp: Option<(Phong, LampSource)>,
-    /// Lights that go with the camera.
-    sphere: Option<SphereLights>,
-}
-
-impl FilteredEye<'_> {
-    /// The mean shading normal of a patch, zero where there is none.
-    fn normal(&self, patch: &SummedPatch) -> Vec3 {
-        match patch.node {
-            _ if patch.is_bare => Vec3::ZERO,
-            Some(id) => octahedral::decode(self.tree.attributes[id as usize].normal),
-            None => patch.normals.normalize_or_zero(),
-        }
-    }
-
-    /// The color of a patch of this color, as seen along `v`, under lights that go with the camera: that of its mean normal.
-    fn on_sphere(
-        &self,
-        sphere: &SphereLights,
-        patch: &SummedPatch,
-        v: Vec3,
-        color: [f32; 3],
-    ) -> [f32; 3] {
-        let back = -self.forward.truncate();
-        let in_view = |direction: Vec3| {
-            let axes = [self.right, self.up, back];
-            Vec3::from(axes.map(|axis| axis.dot(direction)))
-        };
-        let surface = LitSurface {
-            normal: in_view(self.normal(patch)),
-            to_eye: in_view(v),
-            culls_back: self.shade.cull_back,
-            two_sided: true,
-        };
-        sphere.value(&surface, color.into()).into()
-    }
-
-    /// The factor of the albedo and the highlight of a patch whose fronts and backs cover `both` as seen along `v`.
-    fn in_lamp(
-        &self,
-        phong: &Phong,
-        source: LampSource,
-        patch: &SummedPatch,
-        center: Vec3,
-        v: Vec3,
-        both: f32,
-    ) -> (f32, f32) {
-        let l = match source {
-            LampSource::Point(lamp) => (lamp - center.as_dvec3()).normalize_or_zero().as_vec3(),
-            LampSource::Direction(direction) => direction.as_vec3(),
-        };
-        // Two-sided as it stands: an element of either side is lit when lamp and eye are on the same side of it.
-        let of_second = v.dot(patch.second_moment * l);
-        let length = (patch.normals.length() / patch.area).min(1.0);
-        let mean = patch.normals.normalize_or_zero();
-        let mean = if !self.shade.cull_back && mean.dot(v) < -LEAST_BACK {
-            -mean
-        } else {
-            mean
-        };
-        // Q and N of a triangle have different normals, and their quotient is none.
-        let lambert = if patch.is_triangle {
-            mean.dot(l).max(0.0)
-        } else {
-            (of_second / both).max(0.0)
-        };
-        let cosine = mean.dot((l + v).normalize_or_zero()).clamp(0.0, 1.0);
-        let rise = (mean.dot(l) / FULL_HIGHLIGHT).clamp(0.0, 1.0);
-        let highlight = if rise > 0.0 && cosine > 0.0 {
-            let s = phong.shininess;
-            let k = length / (length + s * (1.0 - length));
-            rise * phong.specular * (1.0 + k * s) / (1.0 + s) * cosine.powf(k * s)
-        } else {
-            0.0
-        };
-        let ambient = phong.ambient;
-        (ambient + (1.0 - ambient) * lambert.min(1.0), highlight)
-    }
 }
 
 /// Splats in a list, with gaps between them.
@@ -246,58 +142,8 @@ pub fn write(
     shade: FilteredShade,
     out: &mut [FilteredSplat],
 ) -> GappedSplats {
-    let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
-    let eye = FilteredEye {
-        tree: &model.tree,
-        view,
-        shade,
-        focal_px: if view.is_perspective {
-            view.focal_px()
-        } else {
-            view.focal_px() * view.model_scale
-        },
-        forward: -view.view_from_model.row(2) / view.model_scale,
-        projection: PictureProjection::new(view),
-        offset_px: shade.depth_offset,
-        right: axis(0),
-        up: axis(1),
-        lamp: match shade.light {
-            SurfaceLighting::Headlight | SurfaceLighting::Sphere(_) => None,
-            SurfaceLighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
-        },
-        sphere: match shade.light {
-            SurfaceLighting::Headlight | SurfaceLighting::Phong(_) => None,
-            SurfaceLighting::Sphere(sphere) => Some(sphere.lights()),
-        },
-    };
-    let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();
-    let (small, large) = cut.leaves.split_at(first_large.index);
-    let of_large = |leaves: &[u32]| {
-        leaves
-            .iter()
-            .map(|&l| pieces(model, l, view, &shade, first_large.halved_px))
-            .sum()
-    };
-    let parts = (cut
-        .nodes
-        .chunks(parallel::PART)
-        .map(|p| (FilteredPart::Nodes(p), p.len())))
-    .chain(
-        cut.strips
-            .chunks(parallel::PART)
-            .map(|p| (FilteredPart::Rows(p), of_rows(p))),
-    )
-    .chain(
-        small
-            .chunks(parallel::PART)
-            .map(|p| (FilteredPart::Leaves(p), p.len())),
-    )
-    .chain(
-        large
-            .chunks(parallel::PART)
-            .map(|p| (FilteredPart::Large(p), of_large(p))),
-    );
-    let parts: Vec<(FilteredPart<'_>, usize)> = parts.collect();
+    let eye = FilteredEye::new(&model.tree, view, shade);
+    let parts = parts_of(model, cut, first_large, view, &shade);
     let mut groups: Vec<ScreenGroups> = parts.iter().map(|_| ScreenGroups::default()).collect();
     let mut first = 0;
     let jobs = parts.into_iter().zip(&mut groups);
@@ -319,6 +165,43 @@ pub fn write(
     let mut all = ScreenGroups::default();
     groups.into_iter().for_each(|groups| all.append(groups));
     GappedSplats { parts, groups: all }
+}
+
+/// Splits a cut into what threads write at a time, each part with the number of its splats at most.
+fn parts_of<'a>(
+    model: &Model,
+    cut: &'a Cut,
+    first_large: FirstLarge,
+    view: &View,
+    shade: &FilteredShade,
+) -> Vec<(FilteredPart<'a>, usize)> {
+    let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();
+    let (small, large) = cut.leaves.split_at(first_large.index);
+    let of_large = |leaves: &[u32]| {
+        leaves
+            .iter()
+            .map(|&l| pieces(model, l, view, shade, first_large.halved_px))
+            .sum()
+    };
+    (cut.nodes
+        .chunks(parallel::PART)
+        .map(|p| (FilteredPart::Nodes(p), p.len())))
+    .chain(
+        cut.strips
+            .chunks(parallel::PART)
+            .map(|p| (FilteredPart::Rows(p), of_rows(p))),
+    )
+    .chain(
+        small
+            .chunks(parallel::PART)
+            .map(|p| (FilteredPart::Leaves(p), p.len())),
+    )
+    .chain(
+        large
+            .chunks(parallel::PART)
+            .map(|p| (FilteredPart::Large(p), of_large(p))),
+    )
+    .collect()
 }
 
 /// What one thread writes at a time.

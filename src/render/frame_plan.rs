@@ -304,7 +304,7 @@ impl FramePlan {
         let is_chosen = cut_place == CutPlace::Device;
         let may_use_compute = may_use_compute && !(is_chosen && technique == Technique::Fuzzy);
         let uploads_ids = cut_place != CutPlace::Device
-            && uploads_ids(&settings, may_use_compute, is_one, capabilities)?;
+            && uploads_ids(&settings, (&facts, is_one), may_use_compute, capabilities)?;
         let is_whole = settings.method == Method::Splats;
         let has_own_sizes = is_whole || !facts.kind.is_surface() || settings.holds_cut();
         let is_opaque = technique == Technique::Opaque;
@@ -484,7 +484,8 @@ impl FramePlan {
 
     /// Tells whether it has to be known what of the model has no area: that takes a look at all of it, once.
     pub(crate) fn needs_undrawn(&self) -> bool {
-        self.cut_place != CutPlace::Nowhere && (self.cut.needs_undrawn() || self.uploads_ids)
+        let names_splats = self.uploads_ids && self.technique != Technique::Filtered;
+        self.cut_place != CutPlace::Nowhere && (self.cut.needs_undrawn() || names_splats)
     }
 }
 
@@ -526,13 +527,13 @@ fn cut_place(
 /// When they are asked to and cannot.
 fn uploads_ids(
     settings: &Settings,
+    (facts, is_one): (&DrawnFacts, bool),
     may_use_compute: bool,
-    is_one: bool,
     capabilities: &RendererCapabilities,
 ) -> Result<bool, Error> {
     let plan = splat_plan(settings, capabilities.max_point_px);
     let refusal = match is_one {
-        true => ids_refusal(settings, &plan, may_use_compute),
+        true => ids_refusal(settings, facts, &plan, may_use_compute),
         false => Some("several models are drawn together"),
     };
     match (settings.list_of, refusal) {

@@ -291,9 +291,7 @@ pub(crate) fn device_cut_refusal(
     if !settings.has_cut() {
         Some("methods without a cut choose nothing; use --method pop or splats")
     } else if technique == Technique::Filtered {
-        Some(
-            "filtered splats depend on the view, and the processor makes them; use another --splat",
-        )
+        Some("which triangles are filtered splats the processor decides; use another --splat")
     } else if technique == Technique::Polygons || settings.drawn_polygons().is_some() {
         Some(
             "oriented polygons are chosen by the processor; leave --error and splats from vertices out",
@@ -325,14 +323,16 @@ pub(crate) fn device_cut_refusal(
 /// compute may draw.
 pub(crate) fn ids_refusal(
     settings: &Settings,
+    facts: &DrawnFacts,
     plan: &SplatPlan,
     may_use_compute: bool,
 ) -> Option<&'static str> {
     match Technique::of(settings) {
         _ if !settings.has_cut() => Some("methods without a cut have no lists"),
         Technique::Polygons => Some("oriented polygons are records of their own"),
-        Technique::Nothing | Technique::Filtered => {
-            Some("filtered splats depend on the view, and the processor makes them")
+        Technique::Nothing => Some("there are no splats"),
+        Technique::Filtered if facts.has_textures => {
+            Some("the processor has the colors of filtered splats from images on surfaces")
         }
         // Where nobody insists the rasterizer gets ids, and compute what the processor makes.
         Technique::Fuzzy if may_use_compute && settings.list_of == ListOf::Ids => {

@@ -4,12 +4,14 @@
 //! longer than one.
 
 use crate::abi::FilteredSplat;
-use crate::math::camera::HeadlightSource;
-use crate::pack::filtered::patch::SummedPatch;
-use crate::pack::filtered::{
-    FilteredEye, LEAST_EXTENT_PX, MARGIN_PX, OFFSET_OF_BEND, OFFSET_OF_NEIGHBORS,
-    OFFSET_OF_THICKNESS,
+use crate::abi::constants::{
+    LEAST_EXTENT_PX, LEAST_FACING_OF_OWN, LEAST_FILTERED_FACING, LEAST_FRONT, LEAST_SPREAD,
+    MOST_CHANGE, OFFSET_OF_BEND, OFFSET_OF_NEIGHBORS, OFFSET_OF_THICKNESS,
 };
+use crate::math::camera::HeadlightSource;
+use crate::pack::filtered::MARGIN_PX;
+use crate::pack::filtered::eye::FilteredEye;
+use crate::pack::filtered::patch::SummedPatch;
 use crate::pack::splats::pixels_of_unit;
 use crate::pack::{ALBEDO, ColorBy, falsecolor};
 use crate::tree::{Model, Node, SurfaceMoments};
@@ -184,21 +186,6 @@ impl FourPatches {
     }
 }
 
-/// Parts of a node nearer together than this, in its radii, tell nothing of a slope along it: the standard deviation of
-/// their places. The two triangles of a needle's strip lie at a sixth of its length to either side of the middle.
-const LEAST_SPREAD: f32 = 0.15;
-
-/// Cosine of the angle to the viewer of the flattest patch whose depth offset is its own: flatter ones are pushed as far. With
-/// 0.1 a plane lost its last two rows of pixels before the horizon to what lies before them.
-const LEAST_FACING: f32 = 0.02;
-
-/// The same of a triangle that is drawn as one large splat, whose neighbors may be anything: farther, it would hide nothing.
-const LEAST_FACING_OF_OWN: f32 = 0.1;
-
-/// How much the color of a row may differ from its mean, in what its parts differ by. From 0.75 to 1.5 tori of needles
-/// change by a tenth of a decibel; this is the least FLIP.
-const MOST_CHANGE: f32 = 1.1;
-
 /// How a color changes along a line.
 pub(super) struct ColorSlope {
     direction: Vectors,
@@ -267,7 +254,7 @@ pub(super) struct SeenPatches {
     pub(super) front: Vec4,
     /// Projected area of fronts and backs.
     both: Vec4,
-    /// Cosine of the mean normal, [`LEAST_FACING`] to 1.
+    /// Cosine of the mean normal, [`LEAST_FILTERED_FACING`] to 1.
     facing: Vec4,
     /// Share of the albedo that the headlight makes of them.
     lambert: Vec4,
@@ -336,7 +323,7 @@ impl FilteredEye<'_> {
         let length = dot(&four.vector_area, &four.vector_area).sqrt();
         let cosine = toward * inverse_or_zero(length);
         // Seen edge-on or from behind it covers nothing.
-        let seen = front.cmpgt(four.area * 1e-4)
+        let seen = front.cmpgt(four.area * LEAST_FRONT)
             & four.area.cmpgt(Vec4::ZERO)
             & z.cmpgt(Vec4::ZERO)
             & distance.cmpgt(Vec4::ZERO);
@@ -349,7 +336,9 @@ impl FilteredEye<'_> {
             facing: Vec4::select(
                 is_bare,
                 Vec4::ONE,
-                cosine.max(Vec4::splat(LEAST_FACING)).min(Vec4::ONE),
+                cosine
+                    .max(Vec4::splat(LEAST_FILTERED_FACING))
+                    .min(Vec4::ONE),
             ),
             lambert: Vec4::select(is_bare, Vec4::ONE, (lit / both).min(Vec4::ONE)),
             length,

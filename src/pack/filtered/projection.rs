@@ -1,6 +1,7 @@
 //! Where patches lie in the picture, four at a time: their window position, and the depths of both passes.
 
 use crate::abi::FilteredSplat;
+use crate::abi::constants::FARTHEST_PX;
 use crate::math::camera::View;
 use crate::pack::filtered::patch_x4::{Vectors, dot, splat, vectors};
 use glam::{Vec3, Vec4};
@@ -117,7 +118,7 @@ impl PictureProjection {
         let window_px = [window(0, x), window(1, y)];
         let pushed_depth = (self.depth[0] * pushed + self.depth[1]) / pushed_w;
         // Farther than this nothing reaches into a picture.
-        let limit = Vec4::splat(1e9);
+        let limit = Vec4::splat(FARTHEST_PX);
         let is_near = window_px[0].abs().cmplt(limit) & window_px[1].abs().cmplt(limit);
         let is_between = clip_z.cmpge(Vec4::ZERO) & clip_z.cmple(w) & w.cmpgt(Vec4::ZERO);
         // What cannot be pushed (an infinite offset) hides nothing; it is drawn still.

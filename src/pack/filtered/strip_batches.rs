@@ -1,7 +1,7 @@
 //! Splats that wait until they are four.
 
 use crate::abi::FilteredSplat;
-use crate::pack::filtered::FilteredEye;
+use crate::pack::filtered::eye::FilteredEye;
 use crate::pack::filtered::patch::SummedPatch;
 use crate::pack::filtered::patch_x4::{FourPatches, SplatSizes};
 use crate::pack::filtered::triangle_patches::Triangle;

@@ -207,9 +207,27 @@ fn lists_hold_ids_where_the_device_has_memory_of_its_own() {
     assert!(!ids(ListOf::Auto, square, &full).unwrap());
     assert!(!ids(ListOf::Records, square, &CARD).unwrap());
     assert!(ids(ListOf::Ids, square, &software).unwrap());
-    assert!(!ids(ListOf::Auto, SplatKind::Filtered, &CARD).unwrap());
-    let refused = ids(ListOf::Ids, SplatKind::Filtered, &CARD).unwrap_err();
-    assert!(refused.to_string().contains("lists of ids"), "{refused}");
+    let filtered = SplatKind::Filtered;
+    assert!(ids(ListOf::Auto, filtered, &CARD).unwrap());
+    assert!(!ids(ListOf::Auto, filtered, &software).unwrap());
+    let facts = DrawnFacts {
+        has_textures: true,
+        ..(&statue()).into()
+    };
+    let of_textured = |list_of, splat| {
+        let settings = Settings {
+            list_of,
+            ..of_splat(splat, 2.0)
+        };
+        uploads_ids(&settings, (&facts, true), true, &CARD)
+    };
+    assert!(of_textured(ListOf::Ids, square).unwrap());
+    assert!(!of_textured(ListOf::Auto, filtered).unwrap());
+    let refused = of_textured(ListOf::Ids, filtered).unwrap_err().to_string();
+    assert!(
+        refused.contains("lists of ids") && refused.contains("images"),
+        "{refused}"
+    );
 }
 
 #[test]

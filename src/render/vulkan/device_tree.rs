@@ -3,7 +3,7 @@
 use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::scene::{DeviceScene, ScenePage};
-use crate::tree::{Leaf, Model, Node, NodeAttributes};
+use crate::tree::{Leaf, Model, Node, NodeAttributes, SurfaceMoments};
 use std::sync::Arc;
 
 /// The tree of a scene on the device.
@@ -18,6 +18,8 @@ pub(crate) struct DeviceTree {
     pub(crate) leaves: DeviceBuffer,
     /// Three numbers of vertices for each leaf of a mesh.
     pub(crate) corners: DeviceBuffer,
+    /// As [`SurfaceMoments`], once filtered splats have asked for them.
+    moments: Option<DeviceBuffer>,
 }
 
 /// The tree of a scene, and the scene.
@@ -29,6 +31,9 @@ pub(crate) struct SceneTree<'a> {
 
 /// Storage buffers that the passes over it bind at most: `cut.leaves` and `lists.splats`.
 const MOST_BUFFERS: u32 = 7;
+
+/// Storage buffers that `lists.filtered` binds.
+const BUFFERS_WITH_MOMENTS: u32 = 8;
 
 impl DeviceTree {
     /// Copies a tree to the device.
@@ -54,11 +59,7 @@ impl DeviceTree {
         let bytes = all.map(|data| data.len() as u64);
         fits_bindings(gpu, bytes.into_iter().chain([page.vertices.bytes()]))?;
         fits_memory(gpu, bytes.into_iter().sum())?;
-        let filled = |name: &str, data: &[u8]| {
-            // A buffer has a byte at least; nothing is looked at of what is not there.
-            let data = if data.is_empty() { &[0; 32][..] } else { data };
-            DeviceBuffer::with_data(gpu, name, BufferUsage::Storage, data)
-        };
+        let filled = |name: &str, data: &[u8]| filled(gpu, name, data);
         let [nodes, attributes, leaves, corners] = all;
         Ok(Self {
             scene: scene.id(),
@@ -66,7 +67,39 @@ impl DeviceTree {
             attributes: filled("attributes of nodes", attributes)?,
             leaves: filled("leaves", leaves)?,
             corners: filled("corners", corners)?,
+            moments: None,
         })
+    }
+
+    /// Copies what filtered splats are made of besides, unless it is there.
+    ///
+    /// # Errors
+    /// When it does not fit, or a Vulkan call fails.
+    pub(crate) fn add_moments(&mut self, gpu: &Arc<Gpu>, model: &Model) -> Result<(), Error> {
+        if self.moments.is_some() {
+            return Ok(());
+        }
+        if gpu.info().max_storage_buffers < BUFFERS_WITH_MOMENTS {
+            return Err(too_large(
+                "the device binds too few storage buffers at once",
+            ));
+        }
+        let moments: &[SurfaceMoments] = &model.tree.moments;
+        let data: &[u8] = bytemuck::cast_slice(moments);
+        let bytes = data.len() as u64;
+        fits_bindings(gpu, [bytes])?;
+        fits_memory(gpu, self.bytes() + bytes)?;
+        self.moments = Some(filled(gpu, "moments of nodes", data)?);
+        Ok(())
+    }
+
+    /// Moments of nodes.
+    ///
+    /// # Errors
+    /// When nothing has [added](Self::add_moments) them.
+    pub(crate) fn moments(&self) -> Result<&DeviceBuffer, Error> {
+        let moments = self.moments.as_ref();
+        moments.ok_or_else(|| too_large("it has no moments for filtered splats"))
     }
 
     /// Tells whether it is that of the scene.
@@ -88,8 +121,19 @@ impl DeviceTree {
     /// Bytes of all of it.
     pub(crate) fn bytes(&self) -> u64 {
         let all = [&self.nodes, &self.attributes, &self.leaves, &self.corners];
-        all.into_iter().map(AnyBuffer::bytes).sum()
+        let all = all.into_iter().chain(&self.moments);
+        all.map(AnyBuffer::bytes).sum()
     }
+}
+
+/// A storage buffer with these bytes.
+///
+/// # Errors
+/// When memory runs out or a Vulkan call fails.
+fn filled(gpu: &Arc<Gpu>, name: &str, data: &[u8]) -> Result<DeviceBuffer, Error> {
+    // A buffer has a byte at least; nothing is looked at of what is not there.
+    let data = if data.is_empty() { &[0; 32][..] } else { data };
+    DeviceBuffer::with_data(gpu, name, BufferUsage::Storage, data)
 }
 
 /// The page that all of a scene lies in.

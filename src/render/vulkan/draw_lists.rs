@@ -1,25 +1,30 @@
 //! Draw lists in mapped memory: one set for each frame in flight, grown when a frame needs more, and kept as long as
 //! frames ask for the same.
 
+mod filtered;
 mod triangles;
 
-use crate::abi::{FilteredSplat, FuzzySplat, OrientedPolygon, Splat, SplatId, WeightedSplat};
+use crate::abi::{
+    FilteredConstants, FilteredSplat, FuzzySplat, OrientedPolygon, Splat, SplatId, WeightedSplat,
+};
 use crate::cut::CutStats;
 use crate::gpu::buffer::{AnyBuffer, UploadBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::pack::ColorBy;
+use crate::pack::filtered::{FirstLarge, device_constants};
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::CornerScreen;
 use crate::pack::splats;
 use crate::pack::splats::PackedSplats;
-use crate::pack::{filtered, fuzzy, ids};
+use crate::pack::{fuzzy, ids};
 use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
 use crate::render::cost::select_passes::PassSelection;
 use crate::render::frame_plan::{FramePlan, PackKey, RecordFormat};
 use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::part_cuts::PartCuts;
 use crate::render::stats::FrameCounts;
+use crate::render::vulkan::draw_lists::filtered::TakenCuts;
 use crate::render::vulkan::expanded_lists;
 use crate::render::vulkan::expanded_lists::ExpandedLists;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
@@ -43,6 +48,8 @@ pub(super) struct DrawLists {
     pub(super) polygons: UploadBuffer,
     /// What the device makes of numbers.
     whole: Option<ExpandedLists>,
+    /// Eye for which the device makes filtered splats of them.
+    pub(super) eye: Option<FilteredConstants>,
     /// None before the first frame, and after one that failed.
     pub(super) held: Option<PackedFrame>,
 }
@@ -113,6 +120,7 @@ impl DrawLists {
             rest_ids: Vec::new(),
             polygons: list("polygons")?,
             whole: None,
+            eye: None,
             held: None,
         })
     }
@@ -133,7 +141,7 @@ impl DrawLists {
         input: &PackInput<'_>,
         cuts: &mut PartCuts,
     ) -> Result<(), Error> {
-        self.held = None;
+        (self.held, self.eye) = (None, None);
         let PackInput {
             plan,
             parts,
@@ -142,12 +150,13 @@ impl DrawLists {
             selection,
             ..
         } = *input;
-        let are_ids = self.are_ids(gpu, input, cuts)?;
+        let large = filtered::take_triangles(&input.records, &plan.view, parts, cuts);
+        let are_ids = self.are_ids(gpu, input, (cuts, &large))?;
         let polygons = cuts.polygon_count();
         let out = records::<OrientedPolygon>(gpu, &mut self.polygons, polygons)?;
         let is_by_level = plan.settings.color_by == ColorBy::Level;
         cuts.write_polygons(parts, is_by_level, &mut out[..polygons]);
-        let written = self.pack_splats(gpu, input, cuts, are_ids)?;
+        let written = self.pack_splats(gpu, input, (cuts, &large), are_ids)?;
         let primitives = plan.primitives;
         // Of those that are left after samples most are large.
         // Nor does compute sample textures.
@@ -216,7 +225,7 @@ impl DrawLists {
         &mut self,
         gpu: &Arc<Gpu>,
         input: &PackInput<'_>,
-        cuts: &mut PartCuts,
+        (cuts, large): (&PartCuts, &[FirstLarge]),
         are_ids: bool,
     ) -> Result<WrittenSplats, Error> {
         let PackInput {
@@ -282,23 +291,19 @@ impl DrawLists {
                 written.packed = pack_parts(parts, cuts, view, plan, &mut out[..count]);
             }
             RecordFormat::Filtered(shade) => {
-                let drawn = parts.iter().zip(cuts.iter_mut());
-                let drawn: Vec<_> = drawn
-                    .map(|(FactedModel { model, .. }, cut)| {
-                        let large = filtered::take_triangles(model, view, shade, cut);
-                        (model, &*cut, large)
-                    })
-                    .collect();
-                let most = drawn
-                    .iter()
-                    .map(|(_, cut, large)| filtered::splat_count(cut, *large));
-                let out = written.room::<FilteredSplat>(gpu, buffer, most.sum())?;
-                let mut end = 0;
-                for (model, cut, large) in drawn {
-                    let out = &mut out[end..];
-                    let found = filtered::write(model, cut, large, view, *shade, out);
-                    end += found.close_gaps(out);
-                }
+                let taken = TakenCuts {
+                    parts,
+                    cuts,
+                    large,
+                    view,
+                    shade,
+                };
+                let most = filtered::most_splats(cuts, large);
+                let end = match are_ids {
+                    true => taken.write_ids(written.room(gpu, buffer, most)?),
+                    false => taken.write(written.room(gpu, buffer, most)?),
+                };
+                self.eye = are_ids.then(|| device_constants(view, *shade));
                 written.capacity = end;
                 written.packed.points = end;
             }
@@ -315,23 +320,24 @@ impl DrawLists {
         &mut self,
         gpu: &Arc<Gpu>,
         input: &PackInput<'_>,
-        cuts: &PartCuts,
+        (cuts, large): (&PartCuts, &[FirstLarge]),
     ) -> Result<bool, Error> {
-        let (plan, record) = match &input.records {
-            RecordFormat::Splats(plan) => (plan, size_of::<Splat>()),
-            RecordFormat::Weighted(plan) => (plan, size_of::<WeightedSplat>()),
+        let (count, record) = match &input.records {
+            RecordFormat::Splats(plan) => (cuts.splat_count(plan), size_of::<Splat>()),
+            RecordFormat::Weighted(plan) => (cuts.splat_count(plan), size_of::<WeightedSplat>()),
             RecordFormat::Fuzzy(plan, _) if !input.selection.has_blended_by_compute() => {
-                (plan, size_of::<WeightedSplat>())
+                (cuts.splat_count(plan), size_of::<WeightedSplat>())
+            }
+            RecordFormat::Filtered(_) => {
+                let count = filtered::most_splats(cuts, large);
+                (count, size_of::<FilteredSplat>())
             }
             _ => return Ok(false),
         };
         if !input.plan.uploads_ids {
             return Ok(false);
         }
-        let bytes = [
-            (cuts.splat_count(plan) * record) as u64,
-            12 * cuts.triangle_count() as u64,
-        ];
+        let bytes = [(count * record) as u64, 12 * cuts.triangle_count() as u64];
         let fits = expanded_lists::fits(gpu, bytes);
         if fits {
             ExpandedLists::reserve(gpu, &mut self.whole, bytes)?;

@@ -3,8 +3,8 @@
 //!
 //! So the host looks at no attributes, and 8 bytes a splat and 4 a triangle go to the device instead of 24 (28 with areas)
 //! and 12. The records are the same to the bit, in the same places, but for roots and quotients on devices that round them
-//! otherwise. Records that depend on the view are no numbers of nodes: those of filtered splats, and of fuzzy ones that
-//! compute draws, come from the host.
+//! otherwise. Of records that depend on the view, a pass of its own makes those of filtered splats
+//! ([`crate::render::vulkan::expand_filtered`]); those of fuzzy ones that compute draws come from the host.
 
 use crate::abi::specialization::{ARE_ORIENTED, HAVE_AREAS, HAVE_TRIANGLES};
 use crate::abi::{ListConstants, Splat, SplatId, WeightedSplat, shaders};
@@ -19,6 +19,7 @@ use crate::render::frame_plan::FramePlan;
 use crate::render::technique::Technique;
 use crate::render::vulkan::device_tree::{DeviceTree, SceneTree, page_of};
 use crate::render::vulkan::draw_lists::DrawLists;
+use crate::render::vulkan::expand_filtered::{FilteredExpansion, NamedFiltered};
 use crate::render::vulkan::raster_pass::{ListArguments, PageRange};
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::Context;
@@ -33,6 +34,8 @@ pub(super) struct IdExpansion {
     quads: [ShaderPipeline; 4],
     triangles: ShaderPipeline,
     has_triangles: bool,
+    /// Of filtered splats, once they were drawn.
+    filtered: Option<FilteredExpansion>,
 }
 
 /// Members of the records of a list.
@@ -110,7 +113,21 @@ impl IdExpansion {
             quads: of_each(&shaders::LISTS_QUADS_COMP)?,
             triangles: ShaderPipeline::compute(gpu, "lists.triangles", triangles, &[])?,
             has_triangles,
+            filtered: None,
         })
+    }
+
+    /// Makes the pipeline for filtered splats of frames with such flags, unless it is there.
+    ///
+    /// # Errors
+    /// When a Vulkan call fails.
+    pub(super) fn ensure_filtered(&mut self, gpu: &Arc<Gpu>, flags: u32) -> Result<(), Error> {
+        let has_triangles = self.has_triangles;
+        let is_of = |made: &FilteredExpansion| made.is_of(flags, has_triangles);
+        if !self.filtered.as_ref().is_some_and(is_of) {
+            self.filtered = Some(FilteredExpansion::new(gpu, flags, has_triangles)?);
+        }
+        Ok(())
     }
 
     /// Tells whether it is of such trees.
@@ -118,7 +135,7 @@ impl IdExpansion {
         self.has_triangles == has_triangles
     }
 
-    /// Makes what a slot's lists name, unless that is there.
+    /// Makes what a slot's lists name, unless that is there; `of_frame` is the block of the frame.
     ///
     /// # Errors
     /// When the scene lies in several pages, or the frame has no room for constants.
@@ -128,13 +145,25 @@ impl IdExpansion {
         on: SceneTree<'_>,
         (lists, kind): (&DrawLists, ExpandedKind),
         context: &Context,
+        of_frame: UniformBlock,
     ) -> Result<(), Error> {
         let Some(([splats, large, small], whole, held)) = lists.named() else {
             return Ok(());
         };
         let list = (splats, held.packed, held.capacity);
         let constants = storage_ranges::constants(context);
-        self.splats(frame, on, (list, &whole.splats, kind), constants)?;
+        match (&lists.eye, &self.filtered) {
+            (Some(eye), Some(filtered)) => {
+                let named = NamedFiltered {
+                    ids: splats,
+                    count: held.packed.points,
+                    records: &whole.splats,
+                    eye,
+                };
+                filtered.record(frame, on, named, (of_frame, constants))?;
+            }
+            _ => self.splats(frame, on, (list, &whole.splats, kind), constants)?,
+        }
         let count = |runs: &[PageRange]| runs.iter().map(|run| run.count as usize / 3).sum();
         let triangles = [
             (large, &whole.indices, count(&lists.runs)),

@@ -6,6 +6,7 @@ pub(crate) mod device_cut;
 pub(crate) mod device_textures;
 pub(crate) mod device_tree;
 pub(crate) mod draw_lists;
+mod expand_filtered;
 pub(crate) mod expand_ids;
 pub(crate) mod expanded_lists;
 pub(crate) mod look;

@@ -194,7 +194,7 @@ impl VulkanRenderer {
             let (on, kind) = (SceneTree { tree, scene }, ExpandedKind::of(plan));
             match (lists, place) {
                 (CutLists::Packed(lists, ..), _) => {
-                    by_id.record(&mut frame, on, (lists, kind), &plan.context)?;
+                    by_id.record(&mut frame, on, (lists, kind), &plan.context, constants)?;
                 }
                 (CutLists::Chosen(cut, _), ListPlace::Device(Some(tests))) => {
                     let tests = frame.uniform(tests)?;

@@ -236,7 +236,7 @@ impl VulkanRenderer {
             return Ok(false);
         }
         if plan.uploads_ids
-            && let Err(error) = self.tree_on_device(model, scene)
+            && let Err(error) = self.prepare_tree_of_ids(plan, (model, scene))
         {
             if settings.list_of == ListOf::Ids {
                 return Err(error);
@@ -252,7 +252,27 @@ impl VulkanRenderer {
                 self.by_id = Some(IdExpansion::new(&self.gpu, has_triangles)?);
             }
         }
+        if plan.uploads_ids
+            && plan.technique == Technique::Filtered
+            && let Some(by_id) = &mut self.by_id
+        {
+            by_id.ensure_filtered(&self.gpu, plan.constants.flags)?;
+        }
         Ok(true)
+    }
+
+    /// Copies to the device what it expands the numbers of a frame's lists from.
+    fn prepare_tree_of_ids(
+        &mut self,
+        plan: &FramePlan,
+        (model, scene): (&Model, &DeviceScene),
+    ) -> Result<(), Error> {
+        let gpu = self.gpu.clone();
+        let tree = self.tree_on_device(model, scene)?;
+        match plan.technique {
+            Technique::Filtered => tree.add_moments(&gpu, model),
+            _ => Ok(()),
+        }
     }
 
     fn make_device_cut(
@@ -275,7 +295,11 @@ impl VulkanRenderer {
     }
 
     /// The tree of a scene on the device, copied at the first call.
-    fn tree_on_device(&mut self, model: &Model, scene: &DeviceScene) -> Result<&DeviceTree, Error> {
+    fn tree_on_device(
+        &mut self,
+        model: &Model,
+        scene: &DeviceScene,
+    ) -> Result<&mut DeviceTree, Error> {
         let tree = self.device_tree.take().filter(|tree| tree.is_of(scene));
         let tree = match tree {
             Some(tree) => tree,
