@@ -9,7 +9,7 @@ use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::{ColorBy, Phong, SurfaceLighting};
-use surfel::patches::{ErrorTolerances, PatchRules};
+use surfel::patches::{ErrorTolerances, PatchCounts, PatchRules};
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Culling, Method, Path, PictureOutputs, Settings, SplatKind};
 use surfel::tree::Model;
@@ -242,6 +242,36 @@ fn tolerances_bound_the_error() {
     }
     assert!(errors[0] < errors[1] && errors[1] < errors[2], "{errors:?}");
     assert!(errors[0] < 1.0, "{errors:?}");
+}
+
+/// Every backend counts the same patches by size, all that it draws, and the same refusals; none without tolerances.
+#[test]
+fn patches_and_refusals_are_counted() {
+    let device = Device::open();
+    let mut backends = vec![Backend::Cpu, Backend::Reference];
+    backends.extend(device.iter().map(|d| Backend::Vulkan(d.gpu().clone())));
+    let model = generated(GeneratedShape::Statue, 40_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    let mut first = None;
+    for backend in &backends {
+        let mut engine = engine(backend, &model);
+        let counts = |settings: &Settings, engine: &mut Engine<'_>| {
+            let times = engine.draw(&view, settings).unwrap();
+            (times.counts.patches, times.counts.splats)
+        };
+        let (none, _) = counts(&settings(rules(0.0, 0.0, 8.0)), &mut engine);
+        assert_eq!(none, PatchCounts::default(), "{backend:?}");
+        let (patches, splats) = counts(&settings(rules(0.5, 1.0, 32.0)), &mut engine);
+        assert!(
+            patches.patches() > 100 && patches.patches() <= splats,
+            "{backend:?} {patches:?}"
+        );
+        assert!(
+            patches.refused.rim + patches.refused.inside > 100,
+            "{patches:?}"
+        );
+        assert_eq!(*first.get_or_insert(patches), patches, "{backend:?}");
+    }
 }
 
 /// Polygons below a pixel are nearer to the triangles than squares of a pixel.

@@ -18,7 +18,7 @@ use surfel::OpenedModel;
 use surfel::math::camera::View;
 use surfel::measure::ValueDistribution;
 use surfel::measure::profile::{FrameProfile, ProfilePlan, ProfileProof};
-use surfel::measure::report::ProfileReport;
+use surfel::measure::report::{PatchReport, ProfileReport};
 use surfel::progress::Progress;
 use surfel::projective::frame_photos::FramePhotos;
 use surfel::render::PictureOutputs;
@@ -336,6 +336,9 @@ fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) ->
         (Some(samples), None) => t.count("  samples drawn", samples),
         _ => t.text(&format!("  samples drawn, overdraw: {UNKNOWN}")),
     }
+    if let Some(patches) = &c.patches {
+        patch_rows(&mut t, patches);
+    }
     t.text("\nbytes");
     t.bytes("  draw lists", &report.bytes.draw_lists);
     t.bytes("  uploaded", &report.bytes.uploaded);
@@ -383,6 +386,18 @@ fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) ->
     }
     proof(&mut t, report);
     t.0
+}
+
+/// Error patches by size, and nodes by what refused them.
+fn patch_rows(t: &mut TextTable, patches: &PatchReport) {
+    let sizes = ["up to 2 px", "4 px", "8 px", "16 px", "32 px", "larger"];
+    for (name, count) in sizes.iter().zip(&patches.sizes) {
+        t.count(&format!("  patches {name}"), count);
+    }
+    let reasons = ["cone", "near plane", "silhouette", "error", "shade", "size"];
+    for (name, count) in reasons.iter().zip(&patches.refused) {
+        t.count(&format!("  refused, {name}"), count);
+    }
 }
 
 /// Tells whether it can be believed.

@@ -4,6 +4,7 @@ use super::profile::{FrameProfile, ProfileSample};
 use super::{ValueDistribution, frames};
 use crate::gpu::frame::{PassCounters, PipelineStatistics};
 use crate::gpu::profile::{CounterTest, SelfTest};
+use crate::patches::PatchCounts;
 use crate::render::stats::{FrameStage, FrameTimes};
 use serde::Serialize;
 
@@ -85,6 +86,18 @@ pub struct CountReport {
     pub samples: Option<ValueDistribution>,
     /// Samples a covered pixel.
     pub overdraw: Option<ValueDistribution>,
+    /// Error patches; `None` where no frame has any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub patches: Option<PatchReport>,
+}
+
+/// Error patches, and nodes that are none.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PatchReport {
+    /// Patches up to 2, 4, 8, 16, 32 pixels, and larger ones.
+    pub sizes: [ValueDistribution; 6],
+    /// Nodes refused for their cone, the near plane, their error at a silhouette, elsewhere, their shade, their size.
+    pub refused: [ValueDistribution; 6],
 }
 
 /// What was moved.
@@ -172,6 +185,22 @@ fn host_ms(times: &FrameTimes) -> Option<f64> {
     Some(times.frame_ms - before.as_secs_f64() * 1e3)
 }
 
+/// Error patches of all views, if there are any.
+fn patches(samples: &[ProfileSample]) -> Option<PatchReport> {
+    let counts = |s: &ProfileSample| s.times.counts.patches;
+    if samples.iter().all(|s| counts(s) == PatchCounts::default()) {
+        return None;
+    }
+    let refused = |s: &ProfileSample| {
+        let of = counts(s).refused;
+        [of.never, of.near, of.rim, of.inside, of.shade, of.size]
+    };
+    Some(PatchReport {
+        sizes: std::array::from_fn(|i| over(samples, |s| counts(s).sizes[i] as f64)),
+        refused: std::array::from_fn(|i| over(samples, |s| refused(s)[i] as f64)),
+    })
+}
+
 impl ProfileReport {
     /// Sums up all views of a profile.
     pub fn of(profile: &FrameProfile) -> Self {
@@ -211,6 +240,7 @@ impl ProfileReport {
                 covered_pixels: over(samples, |s| s.covered_pixels as f64),
                 samples: known(samples, |s| Some(profile.samples_of(s, None)? as f64)),
                 overdraw: known(samples, |s| profile.overdraw_of(s)),
+                patches: patches(samples),
             },
             bytes: ByteReport {
                 draw_lists: count(|t| t.counts.draw_list_bytes),

@@ -44,6 +44,29 @@ pub struct PatchCut {
     pub sizes: [u64; 6],
 }
 
+/// Counts of patches and of nodes that are none.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct PatchCounts {
+    /// Patches up to 2, 4, 8, 16, 32 pixels, and larger ones.
+    pub sizes: [u64; 6],
+    /// Nodes larger than the threshold that are no patch, by the first condition that refused them.
+    pub refused: PatchRefusals,
+}
+
+impl PatchCounts {
+    /// Adds those of another model.
+    pub(crate) fn add(&mut self, cut: &PatchCut) {
+        self.refused.add(&cut.refused);
+        let sizes = self.sizes.iter_mut().zip(cut.sizes);
+        sizes.for_each(|(sum, more)| *sum += more);
+    }
+
+    /// Patches of all sizes.
+    pub fn patches(&self) -> u64 {
+        self.sizes.iter().sum()
+    }
+}
+
 impl PatchRefusals {
     fn add(&mut self, more: &Self) {
         self.never += more.never;

@@ -23,7 +23,7 @@ mod tests;
 pub use build::{FULL_LEVELS, MOST_SHADE_LEVELS, build};
 pub use check::{check_record, check_records};
 pub use conditions::PatchConditions;
-pub use cut::{PatchCut, PatchRefusals, PatchSelector, select};
+pub use cut::{PatchCounts, PatchCut, PatchRefusals, PatchSelector, select};
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
 pub use raster::{PatchLight, PatchList, PatchPixel, PatchRaster, PatchTarget};
 pub use record::{MOST_CORNERS, NodePatch, NodePatches, RESIDUAL_LEVELS};

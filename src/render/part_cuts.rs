@@ -3,10 +3,11 @@
 use crate::abi::OrientedPolygon;
 use crate::cut::{Cut, CutSelector, CutStats};
 use crate::pack::{falsecolor, splats};
-use crate::patches::{PatchCut, PatchList, PatchRules, PatchSelector};
+use crate::patches::{PatchCounts, PatchCut, PatchList, PatchRules, PatchSelector};
 use crate::render::cut_key::CutKey;
 use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::settings::PolygonSource;
+use crate::render::stats::FrameCounts;
 use crate::render::vertex_splats::VertexSplats;
 use bytemuck::Zeroable;
 use rayon::prelude::*;
@@ -105,6 +106,22 @@ impl PartCuts {
         let mut sum = CutStats::default();
         self.iter().for_each(|cut| sum.add(&cut.stats));
         sum
+    }
+
+    /// Counts of the cuts, without those of what is drawn of them.
+    pub(crate) fn frame_counts(&self) -> FrameCounts {
+        let stats = self.stats();
+        let mut patches = PatchCounts::default();
+        if self.has_patches() {
+            self.patches.iter().for_each(|cut| patches.add(cut));
+        }
+        FrameCounts {
+            nodes_visited: stats.visited,
+            hidden: stats.hidden,
+            between: stats.between,
+            patches,
+            ..FrameCounts::default()
+        }
     }
 
     /// Number of leaves that are drawn as triangles.

@@ -2,6 +2,7 @@
 
 use crate::gpu::frame::PassTime;
 use crate::gpu::frame::{DeviceTimes, PassCounters};
+use crate::patches::PatchCounts;
 use std::time::Instant;
 
 /// FrameCounts of one frame.
@@ -22,6 +23,8 @@ pub struct FrameCounts {
     pub points: u64,
     /// Bytes of the draw lists.
     pub draw_list_bytes: u64,
+    /// Error patches, which are among the splats.
+    pub patches: PatchCounts,
 }
 
 /// Numbers of primitives that cover the pixels of a picture.

@@ -236,18 +236,16 @@ impl CpuRenderer {
         packing.end(&mut times);
         times.host.drawing_ms = times.pack_ms;
         self.look(plan, &mut pixels, area, &mut times);
+        let of_cut = match settings.has_cut() {
+            true => self.cuts.frame_counts(),
+            false => FrameCounts::default(),
+        };
         times.counts = FrameCounts {
             splats: counts.splats as u64,
             triangles: counts.triangles as u64,
             draw_list_bytes: counts.list_bytes,
-            ..FrameCounts::default()
+            ..of_cut
         };
-        if settings.has_cut() {
-            let stats = self.cuts.stats();
-            times.counts.nodes_visited = stats.visited;
-            times.counts.hidden = stats.hidden;
-            times.counts.between = stats.between;
-        }
         times.frame_ms = elapsed_ms(start);
         self.drawn = Some(key);
         self.last_times = times.clone();

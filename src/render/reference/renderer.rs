@@ -123,10 +123,7 @@ impl ReferenceRenderer {
                 let packing = FrameStage::Pack.begin();
                 lists = self.pack_cuts(plan, parts);
                 packing.end(&mut times);
-                let stats = self.cuts.stats();
-                times.counts.nodes_visited = stats.visited;
-                times.counts.hidden = stats.hidden;
-                times.counts.between = stats.between;
+                times.counts = self.cuts.frame_counts();
             }
         }
         lists.vertices = joined_vertices(parts);

@@ -7,7 +7,6 @@ mod triangles;
 use crate::abi::{
     FilteredConstants, FilteredSplat, FuzzySplat, OrientedPolygon, Splat, SplatId, WeightedSplat,
 };
-use crate::cut::CutStats;
 use crate::gpu::buffer::{AnyBuffer, UploadBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
@@ -80,8 +79,8 @@ pub(super) struct PackedFrame {
     pub(super) are_ids: bool,
     /// The device has made it.
     pub(super) is_made: bool,
-    /// Of the cut.
-    pub(super) stats: CutStats,
+    /// Counts of its cuts.
+    of_cut: FrameCounts,
 }
 
 /// What is packed: a planned frame, whose cut is there.
@@ -211,7 +210,7 @@ impl DrawLists {
             selection,
             are_ids,
             is_made: false,
-            stats: cuts.stats(),
+            of_cut: cuts.frame_counts(),
             key,
         });
         Ok(())
@@ -390,13 +389,10 @@ impl DrawLists {
             .placed
             .map_or(packed.points + packed.quads - held.samples, |p| p.all());
         FrameCounts {
-            nodes_visited: held.stats.visited,
-            hidden: held.stats.hidden,
-            between: held.stats.between,
             splats: (splats + held.polygons) as u64,
             triangles: held.triangles as u64,
-            points: 0,
             draw_list_bytes: held.splat_bytes + held.index_bytes + held.polygon_bytes(),
+            ..held.of_cut
         }
     }
 
