@@ -214,7 +214,7 @@ fn the_device_draws_clouds_and_large_splats() {
                 assert!(b.splats.abs_diff(a.splats) <= most, "{what}: {a:?} {b:?}");
                 assert_eq!((a.triangles, b.triangles), (0, 0), "{what}");
                 drawn[usize::from(path == Path::Compute)] += b.splats;
-                pictures::DEVICE_CUT.assert_same(&host, &chosen, &what);
+                pictures::DEVICE_SPLATS.assert_same(&host, &chosen, &what);
             }
         }
     }
