@@ -6,7 +6,7 @@
 mod common;
 
 use common::pictures::{self, PictureOracle};
-use common::{Device, cloud, generated, orbit, orthographic, scans};
+use common::{Device, cloud, generated, orbit, scans, views_around};
 use surfel::generate::GeneratedShape;
 use surfel::gpu::Error;
 use surfel::image::Image;
@@ -66,6 +66,15 @@ fn oracle(device: &Device) -> PictureOracle {
         true => pictures::SAME_BITS,
         false => pictures::IDS_ROUNDED,
     }
+}
+
+/// Surfaces of triangles and of needles, and a cloud.
+fn models() -> [(&'static str, Model); 3] {
+    [
+        ("statue", generated(GeneratedShape::Statue, 60_000)),
+        ("torus", generated(GeneratedShape::Torus, 30_000)),
+        ("cloud", cloud(GeneratedShape::Sphere, 20_000)),
+    ]
 }
 
 /// Every kind of splat whose records do not depend on the view, by the rasterizer and by compute if the device has it.
@@ -133,18 +142,10 @@ fn ways(device: &Device) -> Vec<(&'static str, Settings)> {
 #[test]
 fn numbers_draw_what_records_draw() {
     let Some(device) = Device::open() else { return };
-    let models = [
-        ("statue", generated(GeneratedShape::Statue, 60_000)),
-        ("torus", generated(GeneratedShape::Torus, 30_000)),
-        ("cloud", cloud(GeneratedShape::Sphere, 20_000)),
-    ];
-    for (name, model) in &models {
+    for (name, model) in &models() {
         let mut scene = DeviceScene::new(device.gpu(), model).unwrap();
         let mut renderer = renderer(&device);
-        let mut views: Vec<View> = [(20.0, 0.2), (130.0, 1.0), (200.0, 3.0)]
-            .map(|(azimuth, fill)| orbit(model, SIZE, azimuth, 25.0, fill))
-            .to_vec();
-        views.push(orthographic(model, SIZE));
+        let views = views_around(model, SIZE, &[(20.0, 0.2), (130.0, 1.0), (200.0, 3.0)]);
         for (index, view) in views.iter().enumerate() {
             for (kind, settings) in ways(&device) {
                 let what = format!("{kind} of {name}, view {index}");
@@ -220,20 +221,12 @@ fn filtered_ways(device: &Device) -> Vec<(&'static str, Settings, bool)> {
 #[test]
 fn numbers_draw_the_filtered_splats_that_records_draw() {
     let Some(device) = Device::open() else { return };
-    let models = [
-        ("statue", generated(GeneratedShape::Statue, 60_000)),
-        ("torus", generated(GeneratedShape::Torus, 30_000)),
-        ("cloud", cloud(GeneratedShape::Sphere, 20_000)),
-    ];
     let outputs = pictures::with_depth(false);
-    for (name, model) in &models {
+    for (name, model) in &models() {
         let mut scene = DeviceScene::new(device.gpu(), model).unwrap();
         let mut renderer =
             VulkanRenderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap();
-        let mut views: Vec<View> = [(20.0, 0.2), (130.0, 1.0), (200.0, 3.0)]
-            .map(|(azimuth, fill)| orbit(model, SIZE, azimuth, 25.0, fill))
-            .to_vec();
-        views.push(orthographic(model, SIZE));
+        let views = views_around(model, SIZE, &[(20.0, 0.2), (130.0, 1.0), (200.0, 3.0)]);
         for (index, view) in views.iter().enumerate() {
             for (kind, settings, is_exact) in filtered_ways(&device) {
                 let what = format!("{kind} of {name}, view {index}");

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Device, cloud, generated, orbit, orthographic, pictures, scans};
+use common::{Device, cloud, generated, orbit, pictures, scans, views_around};
 use surfel::cut::SizeMetric;
 use surfel::generate::GeneratedShape;
 use surfel::gpu::Error;
@@ -78,10 +78,11 @@ fn the_device_draws_what_the_host_draws() {
         let model = generated(shape, triangles);
         let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
         let mut renderer = renderer_with(&device, true);
-        let mut views: Vec<View> = [(20.0, 0.05), (70.0, 0.5), (130.0, 1.0), (200.0, 3.0)]
-            .map(|(azimuth, fill)| orbit(&model, SIZE, azimuth, 25.0, fill))
-            .to_vec();
-        views.push(orthographic(&model, SIZE));
+        let views = views_around(
+            &model,
+            SIZE,
+            &[(20.0, 0.05), (70.0, 0.5), (130.0, 1.0), (200.0, 3.0)],
+        );
         for (index, view) in views.iter().enumerate() {
             for (path, threshold_px, splat, culling) in [
                 (Path::Raster, 1.0, SplatKind::Square, Culling::Auto),
@@ -172,10 +173,7 @@ fn the_device_draws_clouds_and_large_splats() {
     for (name, model, method) in models {
         let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
         let mut renderer = renderer_with(&device, true);
-        let mut views: Vec<View> = [(20.0, 0.1), (130.0, 1.0), (200.0, 4.0)]
-            .map(|(azimuth, fill)| orbit(&model, SIZE, azimuth, 25.0, fill))
-            .to_vec();
-        views.push(orthographic(&model, SIZE));
+        let views = views_around(&model, SIZE, &[(20.0, 0.1), (130.0, 1.0), (200.0, 4.0)]);
         for (index, view) in views.iter().enumerate() {
             for (path, threshold_px, splat, culling) in [
                 (Path::Raster, 1.0, SplatKind::Square, Culling::Auto),

@@ -1,11 +1,11 @@
-// How the color changes along the row of a node, see `pack::filtered`.
+// Slope of the color along the row of splats that stands for a node, see `pack::filtered`.
 #include "common/seen_patch.glsl"
 
 struct ColorSlope {
     bool is_there;
     vec3 direction;
     vec3 per_unit;
-    // How much it may differ from the mean.
+    // Largest difference from the mean.
     vec3 most;
 };
 

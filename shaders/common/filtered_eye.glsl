@@ -1,4 +1,4 @@
-// What filtered splats know of the eye, and vectors as the host has them.
+// Eye of the frame as filtered splats need it, and vector operations in the order of the processor.
 #include "common/exact.glsl"
 #include "common/frame.glsl"
 

@@ -1,4 +1,4 @@
-// Where a filtered splat lies in the picture and how large it is drawn there.
+// Place of a filtered splat in the picture, and the size that it is drawn with there.
 #include "common/seen_patch.glsl"
 
 struct SplatSize {

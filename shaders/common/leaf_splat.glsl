@@ -1,34 +1,19 @@
-// Records that a draw list's leaves become. Who includes this binds the list, leaves, corners and vertices at these places, and
-// the records.
+// Splats of leaves that a draw list names: the list, the records, and how one is made and written.
+#include "common/leaf_buffers.glsl"
 #include "common/list.glsl"
 #include "common/patch.glsl"
 #include "common/splat.glsl"
 #include "common/splat_id.glsl"
-#include "common/tree.glsl"
 
 // Splats have a radius of their own.
 layout(constant_id = 0) const bool ARE_ORIENTED = false;
 // Records end with the area that they stand for.
 layout(constant_id = 1) const bool HAVE_AREAS = false;
-// Leaves are triangles, not points.
-layout(constant_id = 2) const bool HAVE_TRIANGLES = false;
 
 const uint WORDS = HAVE_AREAS ? 7u : 6u;
 
 layout(set = 0, binding = 2, std430) readonly buffer SplatIds {
     uvec2 splat_ids[];
-};
-
-layout(set = 0, binding = 3, std430) readonly buffer Leaves {
-    LeafRecord leaves[];
-};
-
-layout(set = 0, binding = 4, std430) readonly buffer Corners {
-    uint corners[];
-};
-
-layout(set = 0, binding = 5, std430) readonly buffer Vertices {
-    VertexRecord vertices[];
 };
 
 layout(set = 0, binding = 6, std430) writeonly buffer Records {

@@ -1,4 +1,4 @@
-// What the eye sees of a patch, and its color in the headlight.
+// Areas and angles of a patch as the eye sees them, and its color in the headlight.
 #include "common/summed_patch.glsl"
 
 struct SeenPatch {

@@ -1,27 +1,11 @@
 // Patches of surface by their sums, as `pack::filtered` has them: of nodes, triangles and points.
 #include "common/filtered_eye.glsl"
+#include "common/leaf_buffers.glsl"
 #include "common/list.glsl"
-#include "common/tree.glsl"
-#include "common/vertex.glsl"
-
-// Leaves are triangles, not points.
-layout(constant_id = 2) const bool HAVE_TRIANGLES = false;
 
 // Mirrored by `tree::SurfaceMoments`: centroid, vector area and second moment, two numbers a word.
 struct MomentsRecord {
     uint halves[6];
-};
-
-layout(set = 0, binding = 3, std430) readonly buffer Leaves {
-    LeafRecord leaves[];
-};
-
-layout(set = 0, binding = 4, std430) readonly buffer Corners {
-    uint corners[];
-};
-
-layout(set = 0, binding = 5, std430) readonly buffer Vertices {
-    VertexRecord vertices[];
 };
 
 layout(set = 0, binding = 7, std430) readonly buffer Nodes {

@@ -6,7 +6,7 @@
 
 layout(local_size_x = 64) in;
 
-// What the cut counted, see `abi::CutCounters`.
+// Counts of the cut, see `abi::CutCounters`.
 layout(set = 0, binding = 7, std430) readonly buffer Counts {
     uint counts[];
 };

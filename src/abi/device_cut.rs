@@ -76,7 +76,7 @@ pub struct CutConstants {
     pub draws_large_leaves: u32,
     /// 1 where splats lie in the plane of the surface, with a radius of their own.
     pub are_oriented: u32,
-    /// Items that each list of splats has room for.
+    /// Capacity of each list of splats, items.
     pub room: u32,
     /// 2 f, pixels of a tangent (perspective) or of a unit of the cut's own.
     pub twice_focal_px: f32,

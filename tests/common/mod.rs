@@ -126,6 +126,14 @@ pub(crate) fn generated(shape: GeneratedShape, triangles: u64) -> Model {
     .unwrap()
 }
 
+/// Views from 25 degrees above at these azimuths (degrees) and fills, and one without perspective.
+pub(crate) fn views_around(model: &Model, size: (u32, u32), at: &[(f64, f64)]) -> Vec<View> {
+    let orbits = at
+        .iter()
+        .map(|&(azimuth, fill)| orbit(model, size, azimuth, 25.0, fill));
+    orbits.chain([orthographic(model, size)]).collect()
+}
+
 /// The vertices of a generated mesh, with its tree.
 pub(crate) fn cloud(shape: GeneratedShape, triangles: u64) -> Model {
     let spec = ShapeSpec::with_triangles(shape, triangles).unwrap();

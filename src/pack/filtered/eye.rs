@@ -26,7 +26,7 @@ pub(super) struct FilteredEye<'a> {
     /// To the right and up in the picture, unit vectors in model space.
     pub(super) right: Vec3,
     pub(super) up: Vec3,
-    /// What surfaces make of the lamp, and the lamp; none with the headlight.
+    /// Material and place of the lamp; `None` where there is no lamp.
     pub(super) lamp: Option<(Phong, LampSource)>,
     /// Lights that go with the camera.
     pub(super) sphere: Option<SphereLights>,

@@ -18,7 +18,7 @@ pub(crate) struct DeviceTree {
     pub(crate) leaves: DeviceBuffer,
     /// Three numbers of vertices for each leaf of a mesh.
     pub(crate) corners: DeviceBuffer,
-    /// As [`SurfaceMoments`], once filtered splats have asked for them.
+    /// Moments of the nodes ([`SurfaceMoments`]); `None` until filtered splats have asked for them.
     moments: Option<DeviceBuffer>,
 }
 

@@ -45,9 +45,9 @@ pub(super) struct DrawLists {
     rest_ids: Vec<u32>,
     /// Oriented polygons.
     pub(super) polygons: UploadBuffer,
-    /// What the device makes of numbers.
+    /// Buffers of the records that the device makes of numbers.
     whole: Option<ExpandedLists>,
-    /// Eye for which the device makes filtered splats of them.
+    /// Constants by which the device makes filtered splats of numbers; `None` where the list holds records.
     pub(super) eye: Option<FilteredConstants>,
     /// None before the first frame, and after one that failed.
     pub(super) held: Option<PackedFrame>,

@@ -30,7 +30,7 @@ use std::sync::Arc;
 pub(super) struct IdExpansion {
     /// Of splats of one size and with radii of their own, each without and with areas.
     splats: [ShaderPipeline; 4],
-    /// The same of quads that the device chose.
+    /// Pipelines of quads that the device chose, in the same order.
     quads: [ShaderPipeline; 4],
     triangles: ShaderPipeline,
     has_triangles: bool,
@@ -357,7 +357,7 @@ mod tests {
         camera.view(model.origin).unwrap()
     }
 
-    /// What the device makes of numbers, as words of records: the points, then the quads.
+    /// Words of the records that the device makes of numbers: the points, then the quads.
     fn made(
         gpu: &Arc<Gpu>,
         (model, scene): (&Model, &DeviceScene),

@@ -78,7 +78,7 @@ fn views(model: &Model) -> Vec<View> {
     views
 }
 
-/// What is drawn of a model.
+/// Model, scene and view of a comparison.
 struct FilteredCase<'a> {
     model: &'a Model,
     facts: DrawnFacts,
@@ -118,7 +118,7 @@ impl FilteredCase<'_> {
         (splats, ids)
     }
 
-    /// What the device makes of numbers.
+    /// Records that the device makes of numbers.
     fn made(&self, gpu: &Arc<Gpu>, scene: &DeviceScene, ids: &[SplatId]) -> Vec<FilteredSplat> {
         let mut tree = DeviceTree::new(gpu, self.model, scene).unwrap();
         tree.add_moments(gpu, self.model).unwrap();
