@@ -11,8 +11,10 @@ use surfel::generate::GeneratedShape;
 use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
+use surfel::oriented::splats::SplatRules;
 use surfel::pack::lit_sphere::LitSphere;
 use surfel::pack::{ColorBy, Phong, SurfaceLighting};
+use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::render::PictureOutputs;
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::KeptWork;
@@ -55,9 +57,13 @@ fn has_pass(times: &FrameTimes, name: &str) -> bool {
 
 /// Whether the device makes records or corners in a frame.
 fn makes(times: &FrameTimes) -> bool {
-    ["lists.splats", "lists.filtered", "lists.triangles"]
-        .iter()
-        .any(|name| has_pass(times, name))
+    let passes = [
+        "lists.splats",
+        "lists.filtered",
+        "lists.patches",
+        "lists.triangles",
+    ];
+    passes.iter().any(|name| has_pass(times, name))
 }
 
 /// The same colors, depths and normals; where roots round otherwise than the host's, nearly.
@@ -257,6 +263,77 @@ fn numbers_draw_the_filtered_splats_that_records_draw() {
     }
 }
 
+/// Patches of a cut by error by the rasterizer and by compute.
+fn patch_ways(device: &Device) -> Vec<(&'static str, Settings)> {
+    let tolerances = ErrorTolerances {
+        rim_px: 0.25,
+        inside_px: 0.5,
+        shade_levels: 16.0,
+    };
+    let rules = |tiny_polygons| PatchRules {
+        tolerances,
+        is_strict: false,
+        tiny_polygons,
+    };
+    let usual = |tiny_polygons| Settings {
+        path: Path::Raster,
+        patches: Some(rules(tiny_polygons)),
+        ..Settings::default()
+    };
+    let compute = Settings {
+        path: Path::Compute,
+        ..usual(false)
+    };
+    let normals = Settings {
+        color_by: ColorBy::Normal,
+        culling: Culling::Off,
+        ..usual(false)
+    };
+    let mut ways = vec![
+        ("patches", usual(false)),
+        ("patches below a pixel", usual(true)),
+        ("normals of patches", normals),
+        ("patches by compute", compute),
+    ];
+    ways.retain(|(_, settings)| device.paths().contains(&settings.path));
+    ways
+}
+
+#[test]
+fn numbers_draw_the_patches_that_records_draw() {
+    let Some(device) = Device::open() else { return };
+    for (name, model) in &models() {
+        let mut scene = DeviceScene::new(device.gpu(), model).unwrap();
+        let mut renderer = renderer(&device);
+        let views = views_around(model, SIZE, &[(20.0, 0.2), (130.0, 1.0), (200.0, 3.0)]);
+        for (index, view) in views.iter().enumerate() {
+            for (kind, settings) in patch_ways(&device) {
+                let what = format!("{kind} of {name}, view {index}");
+                let mut draw = |list_of| {
+                    let settings = of(list_of, settings);
+                    draw(&mut renderer, (model, &mut scene), view, &settings)
+                };
+                let (records, of_records) = draw(ListOf::Records);
+                let (ids, of_ids) = draw(ListOf::Ids);
+                oracle(&device).assert_same(&records, &ids, &what);
+                let (a, b) = (of_records.counts, of_ids.counts);
+                let patches = a.patches.patches();
+                assert_eq!(
+                    (a.splats, a.triangles, a.patches),
+                    (b.splats, b.triangles, b.patches),
+                    "{what}"
+                );
+                assert_eq!(patches > 100, model.kind().is_surface(), "{what}: {a:?}");
+                // 4 bytes of 152 a patch, 8 of 24 a splat, 4 of 12 a triangle.
+                let most = a.draw_list_bytes / 3 - patches * (152 / 3 - 4);
+                assert!(b.draw_list_bytes <= most, "{what}: {a:?} {b:?}");
+                assert!(!makes(&of_records), "{what}");
+                assert_eq!(has_pass(&of_ids, "lists.patches"), patches > 0, "{what}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_scan_is_drawn_by_numbers() {
     let Some(device) = Device::open() else { return };
@@ -375,6 +452,14 @@ fn what_numbers_cannot_say_is_refused_by_name() {
                 ..usual
             },
             "held cut",
+        ),
+        (
+            Settings {
+                method: Method::Splats,
+                vertex_splats: Some(SplatRules::default()),
+                ..usual
+            },
+            "no lists",
         ),
     ];
     let has_compute = device.paths().contains(&Path::Compute);

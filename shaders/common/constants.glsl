@@ -86,3 +86,14 @@ const uint PHOTO_VECTORS = 11u;
 const uint PHOTO_GROUP = 4u;
 // Word of the counts of a cut on the device that is the number of quads.
 const uint QUADS_WORD = 5u;
+// A turn of the rectangle around a patch, radians: a 256th of a quarter turn.
+const float PATCH_TURN = 0.0061359233;
+// Half sides of a patch are packed in these, radii.
+const float PATCH_SIDE_STEP = 1.5716792e-5;
+// Lengths of a patch are packed as logarithms below this, radii.
+const float LARGEST_PATCH_LENGTH = 1.01;
+// 2 to the half, quarter, eighth and sixteenth.
+const float ROOT_2 = 1.4142135;
+const float ROOT_4 = 1.1892071;
+const float ROOT_8 = 1.0905077;
+const float ROOT_16 = 1.0442737;

@@ -78,6 +78,12 @@ impl PatchConditions {
         size_of_val(&self.nodes[..])
     }
 
+    /// Tells whether a node may be drawn as its polygon at all.
+    #[cfg(test)]
+    pub(crate) fn may_draw(&self, id: u32) -> bool {
+        self.nodes[id as usize].may_be_drawn()
+    }
+
     /// Conditions of four nodes from `first` on, and of none where there are fewer.
     #[inline(always)]
     pub(super) fn four(&self, first: u32) -> Option<[PatchCondition; 4]> {

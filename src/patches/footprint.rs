@@ -3,6 +3,7 @@
 //! The points are reduced to their convex hull. Of 256 directions in a quarter turn the one is taken whose rectangle, less
 //! what can be cut off its corners, has the least area: every eighth is tried, then the neighbors of the best.
 
+use crate::abi::constants::PATCH_TURN;
 use glam::Vec2;
 
 /// Directions in a quarter turn.
@@ -21,10 +22,23 @@ pub(super) struct CutRectangle {
     pub(super) cuts: [f32; 4],
 }
 
-/// Unit vector of a turn.
+/// Unit vector of a turn, by steps that the device has as well; within 1.2e-7 of the exact one.
 #[inline]
 pub(super) fn direction(turn: u8) -> Vec2 {
-    Vec2::from_angle(f32::from(turn) * (std::f32::consts::FRAC_PI_2 / f32::from(TURNS)))
+    let turn = f32::from(turn);
+    Vec2::new(sine(f32::from(TURNS) - turn), sine(turn))
+}
+
+/// Sine of a part of a quarter turn, 0 to 256, by the first seven terms of its series: what is left out is below 6e-10.
+#[inline]
+fn sine(turn: f32) -> f32 {
+    let x = turn * PATCH_TURN;
+    let square = x * x;
+    let mut sum = 1.0;
+    for quotient in [156.0, 110.0, 72.0, 42.0, 20.0, 6.0] {
+        sum = 1.0 - square / quotient * sum;
+    }
+    x * sum
 }
 
 /// Signs of the corners, in the order of the cuts.

@@ -1,25 +1,29 @@
 //! The record in 36 bytes, and colors in 12 more, relative to the ball of the node.
 //!
+//! The pass `lists.patches` unpacks records on the device, in the same steps: only sums, products, quotients and roots, which
+//! round alike there.
+//!
 //! Every bound is rounded to the safe side: lengths and residuals up, what is cut off corners down; the footprint is that of the
 //! full record and a little more. The plane's normal is exact, since records are made with normals of 2 x 12 bit; so is the
 //! direction of the rectangle.
 
 use super::footprint::{self, SIGNS, TURNS};
 use super::record::{NodePatch, NodePatches, RESIDUAL_LEVELS};
+use crate::abi::OrientedPolygon;
+use crate::abi::constants::{
+    LARGEST_PATCH_LENGTH, PATCH_SIDE_STEP, ROOT_2, ROOT_4, ROOT_8, ROOT_16,
+};
 use crate::tree::{Model, Node, PackedPatch, PackedPatchColors, PatchRecords};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Lengths are stored as logarithms, in sixteenths of an octave below this share of the radius.
-const LARGEST: f32 = 1.01;
-
-/// Largest half side of a footprint over the radius.
-const WIDEST_SIDE: f32 = 1.03;
+const LARGEST: f32 = LARGEST_PATCH_LENGTH;
 
 /// Units of the middle of a footprint, and of its height, in a radius.
 const PLACE_UNITS: f32 = 32767.0;
 
-/// Units of half sides in the largest of them.
+/// Units of half sides in the largest of them, of which each is [`PATCH_SIDE_STEP`] radii.
 const SIDE_UNITS: f32 = 65535.0;
 
 /// By how much a footprint is wider than what it holds, in radii.
@@ -87,26 +91,38 @@ fn log_up(value: f32, largest: f32) -> u8 {
     }
 }
 
+/// The value of a logarithm.
 fn power(code: u8, largest: f32) -> f32 {
-    largest * ((f32::from(code) - 255.0) / 16.0).exp2()
+    let sixteenths = i32::from(code) - 255;
+    let mut value = largest * power_of_two(sixteenths >> 4);
+    for (bit, root) in [(8, ROOT_2), (4, ROOT_4), (2, ROOT_8), (1, ROOT_16)] {
+        if sixteenths & bit != 0 {
+            value *= root;
+        }
+    }
+    value
+}
+
+/// A power of two that is a normal number; the nearest such one.
+fn power_of_two(exponent: i32) -> f32 {
+    f32::from_bits(((exponent.clamp(-126, 127) + 127) as u32) << 23)
 }
 
 /// The exponent from which on a value has room in seven bits.
 pub(super) fn exponent_of(largest: f32) -> i8 {
-    (largest.max(1e-30) * (1.0 / 0.999))
-        .log2()
-        .ceil()
-        .clamp(-100.0, 100.0) as i8
+    let bits = (largest.max(1e-30) * 1.001_001).to_bits();
+    let rounded_up = (bits >> 23) as i32 - 127 + i32::from(bits & 0x007f_ffff != 0);
+    rounded_up.clamp(-100, 100) as i8
 }
 
 pub(super) fn bits_7(value: f32, exponent: i8) -> i8 {
-    (value * (-f32::from(exponent)).exp2() * 127.0)
+    (value * power_of_two(-i32::from(exponent)) * 127.0)
         .round()
         .clamp(-127.0, 127.0) as i8
 }
 
 fn value_7(bits: i8, exponent: i8) -> f32 {
-    f32::from(bits) / 127.0 * f32::from(exponent).exp2()
+    f32::from(bits) / 127.0 * power_of_two(exponent.into())
 }
 
 impl PatchRecords {
@@ -122,6 +138,13 @@ impl PatchRecords {
                 .map(|(node, patch)| PackedPatchColors::new(node, patch))
                 .collect(),
         }
+    }
+
+    /// The polygon of a node that [`PatchRecords::record`] finds may be drawn.
+    pub(crate) fn polygon(&self, index: usize, node: &Node) -> OrientedPolygon {
+        let record = self.records.get(index);
+        let shown = record.map(|own| own.unpack_shown(node, self.colors.get(index)));
+        shown.unwrap_or_default().polygon()
     }
 
     /// The record of a node; one that never is a patch where there is none, or where what was read makes no sense.
@@ -173,10 +196,10 @@ impl PackedPatch {
         );
         let sides = patch.half_extents / radius + moved.abs() + Vec2::splat(ROUNDING_ROOM);
         let half_extents = [sides.x, sides.y].map(|side| {
-            let units = (side * (SIDE_UNITS / WIDEST_SIDE)).ceil();
+            let units = (side / PATCH_SIDE_STEP).ceil();
             units.clamp(1.0, SIDE_UNITS) as u16
         });
-        let half = half_extents.map(|side| f32::from(side) * (WIDEST_SIDE / SIDE_UNITS));
+        let half = half_extents.map(|side| f32::from(side) * PATCH_SIDE_STEP);
         let cuts = packed_cuts(patch, radius, moved, Vec2::from_array(half));
         let raised = (along(normal) - height / PLACE_UNITS).abs() * radius;
         let tangents = [tangents.x, tangents.y].map(|t| bits_12(t / STEEPEST));
@@ -223,6 +246,27 @@ impl PackedPatch {
         if flags & Self::NEVER != 0 {
             return NodePatch::default();
         }
+        let mut residuals = [power(self.residual, 2.0); RESIDUAL_LEVELS];
+        for (level, residual) in residuals.iter_mut().enumerate() {
+            let below = word >> (4 * level) & 15;
+            *residual *= (-0.25 * below as f32).exp2();
+        }
+        NodePatch {
+            overhang: if self.overhang == 255 {
+                f32::INFINITY
+            } else {
+                power(self.overhang, LARGEST) * node.radius
+            },
+            residuals,
+            largest_residual: power(self.largest_residual, 2.0),
+            half_angle: f32::from(self.half_angle) * (NodePatch::WIDEST / 254.0),
+            flags,
+            ..self.unpack_shown(node, colors)
+        }
+    }
+
+    /// What of the record is drawn: all but overhang, residuals, half angle and flags.
+    fn unpack_shown(&self, node: &Node, colors: Option<&PackedPatchColors>) -> NodePatch {
         let radius = node.radius;
         let (normal, axis) = axes(self.plane);
         let across = normal.cross(axis);
@@ -236,15 +280,10 @@ impl PackedPatch {
             normal,
             axis,
             half_extents: Vec2::from_array(self.half_extents.map(f32::from))
-                * (WIDEST_SIDE / SIDE_UNITS)
+                * PATCH_SIDE_STEP
                 * radius,
             corner_cuts: self.cuts.map(|cut| f32::from(cut) / CUT_UNITS),
             thickness: power(self.thickness, LARGEST) * radius,
-            overhang: if self.overhang == 255 {
-                f32::INFINITY
-            } else {
-                power(self.overhang, LARGEST) * radius
-            },
             mean_normal: Vec3::new(
                 value_12(tangents) * STEEPEST,
                 value_12(tangents >> 12) * STEEPEST,
@@ -252,16 +291,8 @@ impl PackedPatch {
             ),
             shape: self.shape.map(|s| value_7(s, self.shape_exponent) / radius),
             sigma: f32::from(self.sigma) / 255.0,
-            residuals: [0; RESIDUAL_LEVELS].map(|_| power(self.residual, 2.0)),
-            largest_residual: power(self.largest_residual, 2.0),
-            half_angle: f32::from(self.half_angle) * (NodePatch::WIDEST / 254.0),
-            flags,
             ..NodePatch::default()
         };
-        for (level, residual) in patch.residuals.iter_mut().enumerate() {
-            let below = word >> (4 * level) & 15;
-            *residual *= (-0.25 * below as f32).exp2();
-        }
         if let Some(colors) = colors {
             colors.unpack(node, &mut patch);
         }

@@ -1,4 +1,4 @@
-//! What drawing keeps of the records of a model: a polygon and two conditions a node.
+//! What drawing keeps of the records of a model: the packed records, and what decides when each is drawn.
 
 use super::build;
 use super::conditions::{PatchCondition, PatchConditions};
@@ -6,14 +6,16 @@ use crate::abi::OrientedPolygon;
 use crate::progress::Progress;
 use crate::tree::{Error, Model, PatchRecords};
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-/// The nodes of a model as polygons, with what decides when each is drawn so: 184 bytes a node, some 80 a triangle.
+/// The nodes of a model as polygons, with what decides when each is drawn so: 52 bytes a node (with colors 64), some 25 a
+/// triangle. The processor's own drawing asks for [`ResidentPatches::polygons`] besides: 152 bytes a node.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ResidentPatches {
-    polygons: Vec<OrientedPolygon>,
+    records: Arc<PatchRecords>,
+    polygons: OnceLock<Vec<OrientedPolygon>>,
     /// By means of residuals, and strict.
-    conditions: [PatchConditions; 2],
+    conditions: [OnceLock<PatchConditions>; 2],
 }
 
 /// Makes the records of a model, packed as a tree file keeps them, unless it has them; they stay with the model. A cloud has
@@ -33,63 +35,64 @@ fn packed_records(model: &Model, progress: &dyn Progress) -> Result<PatchRecords
 }
 
 impl ResidentPatches {
-    /// Bytes in memory of a node.
-    pub const NODE_BYTES: usize = size_of::<OrientedPolygon>() + 2 * size_of::<PatchCondition>();
+    /// Bytes in memory of a node beside its packed record, at most: its polygon and a condition.
+    pub const NODE_BYTES: usize = size_of::<OrientedPolygon>() + size_of::<PatchCondition>();
 
-    /// Makes what drawing needs from the records that the model has, else from records that are made first. Those are packed
-    /// too, so that the picture does not depend on where records come from. Memory and time of making them as
-    /// [`build`](super::build()).
+    /// Takes the records that the model has, else makes them first. Those are packed too, so that the picture does not depend
+    /// on where records come from. Memory and time of making them as [`build`](super::build()).
     ///
     /// # Errors
     /// As there.
     pub fn build(model: &Model, progress: &dyn Progress) -> Result<Self, Error> {
-        match &model.patches {
-            Some(records) => Ok(Self::of_records(model, records)),
-            None => Ok(Self::of_records(model, &packed_records(model, progress)?)),
-        }
+        let records = match &model.patches {
+            Some(records) => records.clone(),
+            None => Arc::new(packed_records(model, progress)?),
+        };
+        let made = Self {
+            records,
+            ..Self::default()
+        };
+        made.conditions(model, false);
+        Ok(made)
     }
 
-    fn of_records(model: &Model, records: &PatchRecords) -> Self {
-        let (mut polygons, mut means, mut strict) = (Vec::new(), Vec::new(), Vec::new());
-        let nodes = model.tree.nodes.par_iter().enumerate().with_min_len(1024);
-        let both = nodes.map(|(index, node)| {
-            let patch = records.record(index, node);
-            let conditions =
-                [false, true].map(|is_strict| PatchCondition::new(node, &patch, is_strict));
-            (patch.polygon(), conditions)
-        });
-        let mut conditions = Vec::new();
-        match records.records.is_empty() {
-            true => {}
-            false => both.unzip_into_vecs(&mut polygons, &mut conditions),
-        }
-        for [mean, largest] in conditions {
-            means.push(mean);
-            strict.push(largest);
-        }
-        Self {
-            polygons,
-            conditions: [
-                PatchConditions::of_nodes(means, false),
-                PatchConditions::of_nodes(strict, true),
-            ],
-        }
+    /// The packed records, one for each node of the tree in its order; none of a cloud.
+    pub fn records(&self) -> &PatchRecords {
+        &self.records
     }
 
-    /// A polygon for each node of the tree, in its order; none of a cloud.
-    pub fn polygons(&self) -> &[OrientedPolygon] {
-        &self.polygons
+    /// A polygon for each node of the tree, in its order; none of a cloud. Made at the first call. Those of nodes that are
+    /// never drawn mean nothing.
+    pub fn polygons(&self, model: &Model) -> &[OrientedPolygon] {
+        let made = || {
+            self.of_nodes(model, |records, index| {
+                records.polygon(index, &model.tree.nodes[index])
+            })
+        };
+        self.polygons.get_or_init(made)
     }
 
-    /// Conditions by means of residuals, or strict ones.
-    pub fn conditions(&self, is_strict: bool) -> &PatchConditions {
-        &self.conditions[usize::from(is_strict)]
+    /// Conditions by means of residuals, or strict ones. Made at the first call.
+    pub fn conditions(&self, model: &Model, is_strict: bool) -> &PatchConditions {
+        let made = || {
+            let conditions = self.of_nodes(model, |records, index| {
+                let node = &model.tree.nodes[index];
+                PatchCondition::new(node, &records.record(index, node), is_strict)
+            });
+            PatchConditions::of_nodes(conditions, is_strict)
+        };
+        self.conditions[usize::from(is_strict)].get_or_init(made)
     }
 
-    /// Bytes in memory.
-    pub fn bytes(&self) -> usize {
-        let conditions: usize = self.conditions.iter().map(PatchConditions::bytes).sum();
-        size_of_val(&self.polygons[..]) + conditions
+    /// Something of each node that has a record.
+    fn of_nodes<T: Send>(
+        &self,
+        model: &Model,
+        make: impl Fn(&PatchRecords, usize) -> T + Sync + Send,
+    ) -> Vec<T> {
+        let count = self.records.records.len().min(model.tree.nodes.len());
+        let indices = (0..count).into_par_iter().with_min_len(1024);
+        indices.map(|index| make(&self.records, index)).collect()
     }
 }
 
@@ -125,11 +128,10 @@ mod tests {
             let read = through_file(model.clone());
             let colors = read.patches.as_ref().unwrap().colors.len();
             assert_eq!(colors > 0, model.has_colors);
-            assert_eq!(
-                ResidentPatches::build(&read, &SilentProgress).unwrap(),
-                made
-            );
-            let drawn = made.conditions(false).nodes.iter();
+            let of_read = ResidentPatches::build(&read, &SilentProgress).unwrap();
+            assert_eq!(of_read, made);
+            assert_eq!(of_read.polygons(&read), made.polygons(&model));
+            let drawn = made.conditions(&model, false).nodes.iter();
             assert!(drawn.filter(|node| node.may_be_drawn()).count() > 100);
         }
     }
@@ -139,7 +141,10 @@ mod tests {
         let mut model = of_mesh(sheet([20, 20], |x, y| Vec3::new(x, y, 0.0), |_, _| false));
         add_records(&mut model, &SilentProgress).unwrap();
         let good = ResidentPatches::build(&model, &SilentProgress).unwrap();
-        assert!(good.conditions(false).nodes[0].may_be_drawn(), "one plane");
+        assert!(
+            good.conditions(&model, false).nodes[0].may_be_drawn(),
+            "one plane"
+        );
         // Exponents of a change of shade that is beyond all numbers, and every byte of a record set to each of some values.
         let count = model.tree.nodes.len();
         for byte in 0..size_of::<PackedPatch>() {
@@ -155,7 +160,8 @@ mod tests {
                     colors: Vec::new(),
                 }));
                 let found = ResidentPatches::build(&model, &SilentProgress).unwrap();
-                for (polygon, node) in found.polygons().iter().zip(&found.conditions[0].nodes) {
+                let conditions = found.conditions(&model, false);
+                for (polygon, node) in found.polygons(&model).iter().zip(&conditions.nodes) {
                     let OrientedPolygon {
                         center,
                         normal,

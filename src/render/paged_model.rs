@@ -371,7 +371,7 @@ impl PagedModel {
                 let model = &asked.page.model;
                 let cull_back = cut_settings.cull_back && !asked.keeps_back;
                 if let Some(rules) = &rules {
-                    let conditions = own.facts.patches(model).conditions(rules.is_strict);
+                    let conditions = own.facts.patches(model).conditions(model, rules.is_strict);
                     let mut by_error = alone.by_error(rules);
                     by_error.cut.cull_back = cull_back;
                     let selector = &mut selectors.by_error;

@@ -80,7 +80,8 @@ impl PartCuts {
                 patches.clone_from(chosen);
             } else {
                 let key = key_of(part);
-                let conditions = part.facts.patches(part.model).conditions(rules.is_strict);
+                let patches_of = part.facts.patches(part.model);
+                let conditions = patches_of.conditions(part.model, rules.is_strict);
                 let settings = key.by_error(rules);
                 let selector = &mut self.patch_selector;
                 selector.select(part.model, conditions, key.view(), &settings, patches);
@@ -150,7 +151,7 @@ impl PartCuts {
         let own = parts.iter().zip(&self.patches);
         own.filter(|_| self.has_patches())
             .map(|(part, cut)| PatchList {
-                polygons: part.facts.patches(part.model).polygons(),
+                polygons: part.facts.patches(part.model).polygons(part.model),
                 ids: &cut.patches,
             })
             .collect()
@@ -176,12 +177,12 @@ impl PartCuts {
                 for (part, cut) in parts.iter().zip(&self.patches) {
                     let (own, rest) = out.split_at_mut(cut.patches.len());
                     out = rest;
-                    let polygons = part.facts.patches(part.model).polygons();
+                    let tree = &part.model.tree;
+                    let records = part.facts.patches(part.model).records();
                     let ids = cut.patches.par_iter().zip(own).with_min_len(2048);
                     ids.for_each(|(&id, out)| {
-                        *out = polygons[id as usize];
+                        *out = records.polygon(id as usize, &tree.nodes[id as usize]);
                         if is_by_level {
-                            let tree = &part.model.tree;
                             out.color = falsecolor::of_record(tree, Some(id), out.color);
                             out.color_slopes = [[0; 4]; 2];
                         }
@@ -189,6 +190,14 @@ impl PartCuts {
                 }
             }
             None => {}
+        }
+    }
+
+    /// Ids of the patches of a frame of one part; none where it draws no patches.
+    pub(crate) fn patch_ids(&self) -> &[u32] {
+        match self.patches.first() {
+            Some(cut) if self.has_patches() => &cut.patches,
+            _ => &[],
         }
     }
 

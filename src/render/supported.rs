@@ -329,7 +329,6 @@ pub(crate) fn ids_refusal(
 ) -> Option<&'static str> {
     match Technique::of(settings) {
         _ if !settings.has_cut() => Some("methods without a cut have no lists"),
-        Technique::Polygons => Some("oriented polygons are records of their own"),
         Technique::Nothing => Some("there are no splats"),
         Technique::Filtered if facts.has_textures => {
             Some("the processor has the colors of filtered splats from images on surfaces")

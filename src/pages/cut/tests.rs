@@ -260,7 +260,7 @@ fn by_error_it_is_the_cut_of_the_whole_tree_too() {
                     settings.cut.cull_back &= !asked.keeps_back;
                     let model = &asked.page.model;
                     let own = conditions(model);
-                    let own = own.conditions(false);
+                    let own = own.conditions(model, false);
                     (selectors.by_error).select(model, own, &view, &settings, cut);
                 };
             let tests = PageTests {
@@ -272,7 +272,7 @@ fn by_error_it_is_the_cut_of_the_whole_tree_too() {
             let found = selector.select(file.root(), &known, tests);
             assert!(found.wanted.is_empty());
             let mut expected = PatchCut::default();
-            let own = of_joined.conditions(false);
+            let own = of_joined.conditions(&joined, false);
             PatchSelector::default().select(&joined, own, &view, &settings, &mut expected);
             let patches = patches_in_joined(&found, &known);
             let expected_patches: BTreeSet<u32> = expected.patches.iter().copied().collect();

@@ -3,7 +3,7 @@
 use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::scene::{DeviceScene, ScenePage};
-use crate::tree::{Leaf, Model, Node, NodeAttributes, SurfaceMoments};
+use crate::tree::{Leaf, Model, Node, NodeAttributes, PatchRecords, SurfaceMoments};
 use std::sync::Arc;
 
 /// The tree of a scene on the device.
@@ -20,6 +20,17 @@ pub(crate) struct DeviceTree {
     pub(crate) corners: DeviceBuffer,
     /// Moments of the nodes ([`SurfaceMoments`]); `None` until filtered splats have asked for them.
     moments: Option<DeviceBuffer>,
+    /// Records of patches; `None` until patches have asked for them.
+    patches: Option<DevicePatches>,
+}
+
+/// Packed records of the patches of a tree.
+#[derive(Debug)]
+pub(crate) struct DevicePatches {
+    /// As [`PackedPatch`](crate::tree::PackedPatch), one a node.
+    pub(crate) records: DeviceBuffer,
+    /// As [`PackedPatchColors`](crate::tree::PackedPatchColors); `None` where the model has no colors.
+    pub(crate) colors: Option<DeviceBuffer>,
 }
 
 /// The tree of a scene, and the scene.
@@ -68,6 +79,7 @@ impl DeviceTree {
             leaves: filled("leaves", leaves)?,
             corners: filled("corners", corners)?,
             moments: None,
+            patches: None,
         })
     }
 
@@ -102,6 +114,41 @@ impl DeviceTree {
         moments.ok_or_else(|| too_large("it has no moments for filtered splats"))
     }
 
+    /// Copies what patches are made of besides, unless it is there.
+    ///
+    /// # Errors
+    /// When it does not fit, or a Vulkan call fails.
+    pub(crate) fn add_patches(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        patches: &PatchRecords,
+    ) -> Result<(), Error> {
+        if self.patches.is_some() {
+            return Ok(());
+        }
+        let records: &[u8] = bytemuck::cast_slice(&patches.records);
+        let colors: &[u8] = bytemuck::cast_slice(&patches.colors);
+        let bytes = [records, colors].map(|data| data.len() as u64);
+        fits_bindings(gpu, bytes)?;
+        fits_memory(gpu, self.bytes() + bytes.into_iter().sum::<u64>())?;
+        let has_colors = !colors.is_empty();
+        let colors = has_colors.then(|| filled(gpu, "colors of patches", colors));
+        self.patches = Some(DevicePatches {
+            records: filled(gpu, "patches of nodes", records)?,
+            colors: colors.transpose()?,
+        });
+        Ok(())
+    }
+
+    /// Records of patches.
+    ///
+    /// # Errors
+    /// When nothing has [added](Self::add_patches) them.
+    pub(crate) fn patches(&self) -> Result<&DevicePatches, Error> {
+        let patches = self.patches.as_ref();
+        patches.ok_or_else(|| too_large("it has no records of patches"))
+    }
+
     /// Tells whether it is that of the scene.
     pub(crate) fn is_of(&self, scene: &DeviceScene) -> bool {
         self.scene == scene.id()
@@ -121,7 +168,9 @@ impl DeviceTree {
     /// Bytes of all of it.
     pub(crate) fn bytes(&self) -> u64 {
         let all = [&self.nodes, &self.attributes, &self.leaves, &self.corners];
-        let all = all.into_iter().chain(&self.moments);
+        let patches = self.patches.iter();
+        let patches = patches.flat_map(|own| [Some(&own.records), own.colors.as_ref()]);
+        let all = (all.into_iter().chain(&self.moments)).chain(patches.flatten());
         all.map(AnyBuffer::bytes).sum()
     }
 }

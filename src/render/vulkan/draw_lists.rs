@@ -24,8 +24,7 @@ use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::part_cuts::PartCuts;
 use crate::render::stats::FrameCounts;
 use crate::render::vulkan::draw_lists::filtered::TakenCuts;
-use crate::render::vulkan::expanded_lists;
-use crate::render::vulkan::expanded_lists::ExpandedLists;
+use crate::render::vulkan::expanded_lists::{ExpandedBytes, ExpandedLists};
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
 use crate::render::vulkan::scene::DeviceScene;
 use prefetch_index::prefetch_index;
@@ -43,8 +42,8 @@ pub(super) struct DrawLists {
     /// Triangles that stay such where others become samples.
     rest: small_triangles::LargeTriangles,
     rest_ids: Vec<u32>,
-    /// Oriented polygons.
-    pub(super) polygons: UploadBuffer,
+    /// Oriented polygons, or ids of patches.
+    polygons: UploadBuffer,
     /// Buffers of the records that the device makes of numbers.
     whole: Option<ExpandedLists>,
     /// Constants by which the device makes filtered splats of numbers; `None` where the list holds records.
@@ -74,6 +73,8 @@ pub(super) struct PackedFrame {
     pub(super) triangles: usize,
     /// Oriented polygons.
     pub(super) polygons: usize,
+    /// Bytes of their list.
+    polygon_bytes: u64,
     pub(super) selection: PassSelection,
     /// What was packed are numbers, of which the device makes what is drawn.
     pub(super) are_ids: bool,
@@ -94,12 +95,6 @@ pub(super) struct PackInput<'a> {
     /// What splats are written as.
     pub(super) records: RecordFormat,
     pub(super) selection: PassSelection,
-}
-
-impl PackedFrame {
-    fn polygon_bytes(&self) -> u64 {
-        (self.polygons * size_of::<OrientedPolygon>()) as u64
-    }
 }
 
 impl DrawLists {
@@ -152,9 +147,16 @@ impl DrawLists {
         let large = filtered::take_triangles(&input.records, &plan.view, parts, cuts);
         let are_ids = self.are_ids(gpu, input, (cuts, &large))?;
         let polygons = cuts.polygon_count();
-        let out = records::<OrientedPolygon>(gpu, &mut self.polygons, polygons)?;
-        let is_by_level = plan.settings.color_by == ColorBy::Level;
-        cuts.write_polygons(parts, is_by_level, &mut out[..polygons]);
+        let polygon_bytes = if are_ids {
+            records::<u32>(gpu, &mut self.polygons, polygons)?[..polygons]
+                .copy_from_slice(cuts.patch_ids());
+            4 * polygons as u64
+        } else {
+            let out = records::<OrientedPolygon>(gpu, &mut self.polygons, polygons)?;
+            let is_by_level = plan.settings.color_by == ColorBy::Level;
+            cuts.write_polygons(parts, is_by_level, &mut out[..polygons]);
+            size_of_val(&out[..polygons]) as u64
+        };
         let written = self.pack_splats(gpu, input, (cuts, &large), are_ids)?;
         let primitives = plan.primitives;
         // Of those that are left after samples most are large.
@@ -207,6 +209,7 @@ impl DrawLists {
                 false => 0,
             },
             polygons,
+            polygon_bytes,
             selection,
             are_ids,
             is_made: false,
@@ -336,8 +339,12 @@ impl DrawLists {
         if !input.plan.uploads_ids {
             return Ok(false);
         }
-        let bytes = [(count * record) as u64, 12 * cuts.triangle_count() as u64];
-        let fits = expanded_lists::fits(gpu, bytes);
+        let bytes = ExpandedBytes {
+            splats: (count * record) as u64,
+            triangles: 12 * cuts.triangle_count() as u64,
+            polygons: (cuts.polygon_count() * size_of::<OrientedPolygon>()) as u64,
+        };
+        let fits = bytes.fit(gpu);
         if fits {
             ExpandedLists::reserve(gpu, &mut self.whole, bytes)?;
         }
@@ -350,10 +357,11 @@ impl DrawLists {
         self.whole.as_ref().filter(|_| held.are_ids)
     }
 
-    /// The numbers that the lists hold, if the device is to make something of them: of splats, triangles and small triangles.
-    pub(super) fn named(&self) -> Option<([&UploadBuffer; 3], &ExpandedLists, &PackedFrame)> {
+    /// The numbers that the lists hold, if the device is to make something of them: of splats, triangles, small triangles and
+    /// patches.
+    pub(super) fn named(&self) -> Option<([&UploadBuffer; 4], &ExpandedLists, &PackedFrame)> {
         let held = self.held.as_ref().filter(|held| !held.is_made)?;
-        let ids = [&self.splats, &self.indices, &self.small];
+        let ids = [&self.splats, &self.indices, &self.small, &self.polygons];
         Some((ids, self.whole()?, held))
     }
 
@@ -374,6 +382,11 @@ impl DrawLists {
         self.whole().map_or(&self.indices, |whole| &whole.indices)
     }
 
+    /// Oriented polygons as they are drawn.
+    pub(super) fn polygons(&self) -> &dyn AnyBuffer {
+        self.whole().map_or(&self.polygons, |whole| &whole.polygons)
+    }
+
     /// Corners of the triangles of `small_runs`.
     pub(super) fn small(&self) -> &dyn AnyBuffer {
         self.whole().map_or(&self.small, |whole| &whole.small)
@@ -391,7 +404,7 @@ impl DrawLists {
         FrameCounts {
             splats: (splats + held.polygons) as u64,
             triangles: held.triangles as u64,
-            draw_list_bytes: held.splat_bytes + held.index_bytes + held.polygon_bytes(),
+            draw_list_bytes: held.splat_bytes + held.index_bytes + held.polygon_bytes,
             ..held.of_cut
         }
     }
@@ -401,7 +414,7 @@ impl DrawLists {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
         self.indices.flush(0..held.large_bytes);
-        self.polygons.flush(0..held.polygon_bytes());
+        self.polygons.flush(0..held.polygon_bytes);
         self.small.flush(0..held.small_bytes);
     }
 }

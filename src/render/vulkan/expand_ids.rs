@@ -20,6 +20,7 @@ use crate::render::technique::Technique;
 use crate::render::vulkan::device_tree::{DeviceTree, SceneTree, page_of};
 use crate::render::vulkan::draw_lists::DrawLists;
 use crate::render::vulkan::expand_filtered::{FilteredExpansion, NamedFiltered};
+use crate::render::vulkan::expand_patches::PatchExpansion;
 use crate::render::vulkan::raster_pass::{ListArguments, PageRange};
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::Context;
@@ -36,6 +37,8 @@ pub(super) struct IdExpansion {
     has_triangles: bool,
     /// Of filtered splats, once they were drawn.
     filtered: Option<FilteredExpansion>,
+    /// Of patches, once they were drawn.
+    patches: Option<PatchExpansion>,
 }
 
 /// Members of the records of a list.
@@ -114,6 +117,7 @@ impl IdExpansion {
             triangles: ShaderPipeline::compute(gpu, "lists.triangles", triangles, &[])?,
             has_triangles,
             filtered: None,
+            patches: None,
         })
     }
 
@@ -126,6 +130,17 @@ impl IdExpansion {
         let is_of = |made: &FilteredExpansion| made.is_of(flags, has_triangles);
         if !self.filtered.as_ref().is_some_and(is_of) {
             self.filtered = Some(FilteredExpansion::new(gpu, flags, has_triangles)?);
+        }
+        Ok(())
+    }
+
+    /// Makes the pipelines for patches, unless they are there.
+    ///
+    /// # Errors
+    /// When a Vulkan call fails.
+    pub(super) fn ensure_patches(&mut self, gpu: &Arc<Gpu>) -> Result<(), Error> {
+        if self.patches.is_none() {
+            self.patches = Some(PatchExpansion::new(gpu)?);
         }
         Ok(())
     }
@@ -147,7 +162,7 @@ impl IdExpansion {
         context: &Context,
         of_frame: UniformBlock,
     ) -> Result<(), Error> {
-        let Some(([splats, large, small], whole, held)) = lists.named() else {
+        let Some(([splats, large, small, patches], whole, held)) = lists.named() else {
             return Ok(());
         };
         let list = (splats, held.packed, held.capacity);
@@ -163,6 +178,10 @@ impl IdExpansion {
                 filtered.record(frame, on, named, (of_frame, constants))?;
             }
             _ => self.splats(frame, on, (list, &whole.splats, kind), constants)?,
+        }
+        if let Some(expansion) = &self.patches {
+            let list = (patches, held.polygons, &whole.polygons);
+            expansion.record(frame, on.tree, list, constants)?;
         }
         let count = |runs: &[PageRange]| runs.iter().map(|run| run.count as usize / 3).sum();
         let triangles = [

@@ -14,31 +14,44 @@ pub(super) struct ExpandedLists {
     pub(super) indices: DeviceBuffer,
     /// And of those that are small on screen.
     pub(super) small: DeviceBuffer,
+    /// Records of patches.
+    pub(super) polygons: DeviceBuffer,
 }
 
 /// First size of each, bytes; it grows by half when a frame needs more.
 const FIRST_BYTES: u64 = 1 << 16;
 
-/// Tells whether records and corners of so many bytes can be bound as storage.
-pub(super) fn fits(gpu: &Gpu, bytes: [u64; 2]) -> bool {
-    fits_bindings(gpu, bytes).is_ok()
+/// Bytes of lists.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct ExpandedBytes {
+    pub(super) splats: u64,
+    pub(super) triangles: u64,
+    pub(super) polygons: u64,
+}
+
+impl ExpandedBytes {
+    /// Tells whether each can be bound as storage.
+    pub(super) fn fit(self, gpu: &Gpu) -> bool {
+        fits_bindings(gpu, [self.splats, self.triangles, self.polygons]).is_ok()
+    }
 }
 
 impl ExpandedLists {
-    /// Makes room for records and corners of so many bytes, where nothing reads what was there.
+    /// Makes room for lists of so many bytes, where nothing reads what was there.
     ///
     /// # Errors
     /// When memory runs out.
     pub(super) fn reserve(
         gpu: &Arc<Gpu>,
         place: &mut Option<Self>,
-        [splats, triangles]: [u64; 2],
+        bytes: ExpandedBytes,
     ) -> Result<(), Error> {
         let made = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::List, bytes);
         let names = [
             "splats by number",
             "triangles by number",
             "small triangles by number",
+            "patches by number",
         ];
         let whole = match place {
             Some(whole) => whole,
@@ -46,12 +59,14 @@ impl ExpandedLists {
                 splats: made(names[0], FIRST_BYTES)?,
                 indices: made(names[1], FIRST_BYTES)?,
                 small: made(names[2], FIRST_BYTES)?,
+                polygons: made(names[3], FIRST_BYTES)?,
             }),
         };
         let all = [
-            (&mut whole.splats, splats),
-            (&mut whole.indices, triangles),
-            (&mut whole.small, triangles),
+            (&mut whole.splats, bytes.splats),
+            (&mut whole.indices, bytes.triangles),
+            (&mut whole.small, bytes.triangles),
+            (&mut whole.polygons, bytes.polygons),
         ];
         for ((buffer, bytes), name) in all.into_iter().zip(names) {
             if bytes > buffer.bytes() {

@@ -8,6 +8,7 @@ pub(crate) mod device_tree;
 pub(crate) mod draw_lists;
 mod expand_filtered;
 pub(crate) mod expand_ids;
+mod expand_patches;
 pub(crate) mod expanded_lists;
 pub(crate) mod look;
 pub(crate) mod look_pass;

@@ -342,7 +342,7 @@ impl<'a> CutPasses<'a> {
         if let (Some(polygons), CutLists::Packed(lists, held, _), true) =
             (self.polygons, self.lists, has_polygons)
         {
-            let list: (&dyn AnyBuffer, usize) = (&lists.polygons, held.polygons);
+            let list = (lists.polygons(), held.polygons);
             polygons.record(frame, targets, list, context, constants)?;
         }
         if let Some((small, list)) = small {
@@ -399,7 +399,7 @@ impl<'a> CutPasses<'a> {
                 triangles: RasterTriangles::Runs(lists.indices(), &lists.runs),
                 splats: match (held.polygons, self.drawn.plan.technique) {
                     (1.., Technique::Fuzzy | Technique::Visibility) => {
-                        RasterSplats::Polygons(&lists.polygons, held.polygons as u32)
+                        RasterSplats::Polygons(lists.polygons(), held.polygons as u32)
                     }
                     _ => RasterSplats::Records(packed_records(lists, held)),
                 },

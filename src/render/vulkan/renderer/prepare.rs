@@ -3,7 +3,7 @@
 use crate::gpu::Error;
 use crate::pack::ColorBy;
 use crate::render::frame_plan::{CutPlace, FramePlan};
-use crate::render::model_facts::{DrawnParts, FactedModel};
+use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::render::technique::Technique;
 use crate::render::vulkan::blended::filtered;
 use crate::render::vulkan::blended::filtered::FilteredPasses;
@@ -222,7 +222,7 @@ impl VulkanRenderer {
     ) -> Result<bool, Error> {
         let settings = &plan.settings;
         // Of several models none is planned so.
-        let Some(FactedModel { model, .. }) = parts.single() else {
+        let Some(FactedModel { model, facts, .. }) = parts.single() else {
             return Ok(true);
         };
         if plan.cut_place == CutPlace::Device
@@ -236,7 +236,7 @@ impl VulkanRenderer {
             return Ok(false);
         }
         if plan.uploads_ids
-            && let Err(error) = self.prepare_tree_of_ids(plan, (model, scene))
+            && let Err(error) = self.prepare_tree_of_ids(plan, (model, facts), scene)
         {
             if settings.list_of == ListOf::Ids {
                 return Err(error);
@@ -253,10 +253,13 @@ impl VulkanRenderer {
             }
         }
         if plan.uploads_ids
-            && plan.technique == Technique::Filtered
             && let Some(by_id) = &mut self.by_id
         {
-            by_id.ensure_filtered(&self.gpu, plan.constants.flags)?;
+            match plan.technique {
+                Technique::Filtered => by_id.ensure_filtered(&self.gpu, plan.constants.flags)?,
+                Technique::Polygons => by_id.ensure_patches(&self.gpu)?,
+                _ => {}
+            }
         }
         Ok(true)
     }
@@ -265,12 +268,14 @@ impl VulkanRenderer {
     fn prepare_tree_of_ids(
         &mut self,
         plan: &FramePlan,
-        (model, scene): (&Model, &DeviceScene),
+        (model, facts): (&Model, &ModelFacts),
+        scene: &DeviceScene,
     ) -> Result<(), Error> {
         let gpu = self.gpu.clone();
         let tree = self.tree_on_device(model, scene)?;
         match plan.technique {
             Technique::Filtered => tree.add_moments(&gpu, model),
+            Technique::Polygons => tree.add_patches(&gpu, facts.patches(model).records()),
             _ => Ok(()),
         }
     }
