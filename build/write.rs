@@ -210,7 +210,9 @@ pub(crate) fn write_specialization(out: &mut String, constants: &BTreeMap<String
 pub(crate) fn write_constants(out: &mut String, path: &Path) {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     out.push_str(
-        "/// Constants of both sides, from `shaders/common/constants.glsl`.\npub mod constants {\n",
+        "/// Constants of both sides, from `shaders/common/constants.glsl`.\n\
+         #[allow(clippy::approx_constant, reason = \"shaders have no names for them\")]\n\
+         pub mod constants {\n",
     );
     let mut doc = String::new();
     for (index, line) in text.lines().enumerate() {

@@ -497,7 +497,9 @@ same_layout!(
 );
 mod device_cut;
 mod filtered_list;
+mod patch_texture;
 mod photos;
+pub use patch_texture::PatchTexture;
 pub use photos::{PhotoGroup, PhotoHeader, PhotoTable};
 
 same_layout!(

@@ -302,7 +302,9 @@ fn patch_ways(device: &Device) -> Vec<(&'static str, Settings)> {
 #[test]
 fn numbers_draw_the_patches_that_records_draw() {
     let Some(device) = Device::open() else { return };
-    for (name, model) in &models() {
+    let models = models();
+    let surfaces = models.iter().filter(|(_, model)| model.kind().is_surface());
+    for (name, model) in surfaces {
         let mut scene = DeviceScene::new(device.gpu(), model).unwrap();
         let mut renderer = renderer(&device);
         let views = views_around(model, SIZE, &[(20.0, 0.2), (130.0, 1.0), (200.0, 3.0)]);
@@ -323,7 +325,7 @@ fn numbers_draw_the_patches_that_records_draw() {
                     (b.splats, b.triangles, b.patches),
                     "{what}"
                 );
-                assert_eq!(patches > 100, model.kind().is_surface(), "{what}: {a:?}");
+                assert!(patches > 100, "{what}: {a:?}");
                 // 4 bytes of 152 a patch, 8 of 24 a splat, 4 of 12 a triangle.
                 let most = a.draw_list_bytes / 3 - patches * (152 / 3 - 4);
                 assert!(b.draw_list_bytes <= most, "{what}: {a:?} {b:?}");

@@ -66,7 +66,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "patches",
         &[
-            "progress", "math", "threads", "simd", "abi", "tree", "cut", "pack", "image",
+            "progress", "math", "threads", "simd", "abi", "textures", "tree", "cut", "pack",
+            "image",
         ],
     ),
     // Pages decode into the records of a tree and of its patches, and a cut of a page is a cut of its tree.

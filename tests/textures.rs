@@ -10,9 +10,10 @@ use surfel::image::FloatImage;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::mesh::attributes::PointAttributes;
+use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::{Method, Settings, SplatKind};
+use surfel::render::{Method, Path, Settings, SplatKind};
 use surfel::textures::{MeshTextures, NO_IMAGE, TextureImage, TextureLevel, WrapMode};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -224,7 +225,7 @@ fn a_device_draws_what_the_reference_does() {
             for splat in [SplatKind::Square, SplatKind::Filtered] {
                 for method in [Method::Triangles, Method::Pop] {
                     for &path in device.paths() {
-                        if method == Method::Triangles && path != surfel::render::Path::Raster {
+                        if method == Method::Triangles && path != Path::Raster {
                             continue;
                         }
                         let own = Settings {
@@ -247,6 +248,92 @@ fn a_device_draws_what_the_reference_does() {
     }
 }
 
+/// Patches of a cut by error, of a tenth of a pixel.
+fn patches(path: Path) -> Settings {
+    let tolerances = ErrorTolerances {
+        rim_px: 0.1,
+        inside_px: 0.1,
+        shade_levels: 4.0,
+    };
+    Settings {
+        path,
+        patches: Some(PatchRules {
+            tolerances,
+            is_strict: false,
+            tiny_polygons: false,
+        }),
+        ..settings(Method::Pop, SplatKind::Square)
+    }
+}
+
+/// Picture of patches, and how many there are.
+fn patch_picture(
+    backend: &Backend,
+    model: &Model,
+    view: &View,
+    settings: &Settings,
+) -> (FloatImage, u64) {
+    let mut engine = Engine::new(backend, model, SIZE, Default::default()).unwrap();
+    let counts = engine.draw(view, settings).unwrap().counts;
+    let picture = engine.supersample(view, settings, 1).unwrap();
+    (picture, counts.patches.patches())
+}
+
+/// Patches show what triangles show, across seams, borders and beside other images, by every backend.
+#[test]
+fn patches_show_images() {
+    let device = Device::open();
+    let image = photograph();
+    let level = image.levels()[0].clone();
+    let wrap = [WrapMode::Repeat, WrapMode::Mirror];
+    let wrapped = Arc::new(TextureImage::new("wrapped", [512; 2], wrap, level));
+    for (cells, height) in [(64, 0.0), (90, 0.05)] {
+        let mut mesh = sheet(cells, &image, height);
+        let textures = mesh.textures.as_mut().unwrap();
+        textures.images.push(wrapped.clone());
+        let count = textures.image_of.len();
+        textures.image_of[count / 2..].fill(1);
+        textures.image_of[count - count / 8..].fill(NO_IMAGE);
+        for corner in textures.corners[count / 2..].iter_mut().flatten() {
+            *corner = *corner * 1.3 - Vec2::splat(0.7);
+        }
+        // A seam within the first image.
+        for (index, corners) in textures.corners[..count / 2].iter_mut().enumerate() {
+            if index / 2 % (cells as usize) < 20 {
+                corners
+                    .iter_mut()
+                    .for_each(|corner| corner.y = 1.0 - corner.y);
+            }
+        }
+        let model = built(mesh);
+        for (azimuth, fill) in [(20.0, 1.0), (75.0, 2.5)] {
+            let view = orbit(&model, SIZE, azimuth, 15.0, fill);
+            let what = format!("{cells} cells, azimuth {azimuth}");
+            let own = patches(Path::Auto);
+            let (wanted, count) = patch_picture(&Backend::Reference, &model, &view, &own);
+            assert!(count > 20, "{what}: {count}");
+            let triangles = settings(Method::Triangles, SplatKind::Square);
+            let exact = picture(&Backend::Reference, &model, &view, &triangles, 1);
+            let [_, mean] = differences(&wanted, &exact);
+            println!("{what}: {count} patches, {mean} levels from triangles");
+            assert!(mean < 1.0, "{what}: {mean}");
+            let mut backends = vec![(Backend::Cpu, Path::Auto)];
+            if let Some(device) = &device {
+                let vulkan = Backend::Vulkan(device.gpu().clone());
+                let paths = device.paths().iter();
+                backends.extend(paths.map(|&path| (vulkan.clone(), path)));
+            }
+            for (backend, path) in backends {
+                let (found, own) = patch_picture(&backend, &model, &view, &patches(path));
+                let [_, mean] = differences(&found, &wanted);
+                println!("{what}, {path:?}: {mean}");
+                // Where two patches are equally near the last bit of a depth decides.
+                assert!(mean < 0.3 && own == count, "{what}, {path:?}: {mean}");
+            }
+        }
+    }
+}
+
 /// The image is upright, on its own triangles, and others keep their colors.
 #[test]
 fn images_are_upright_and_on_their_triangles_only() {
@@ -264,9 +351,10 @@ fn images_are_upright_and_on_their_triangles_only() {
     mesh.colors = vec![[100, 100, 100, 255]; mesh.positions.len()];
     let model = built(mesh);
     let view = orbit(&model, SIZE, 0.0, 0.0, 1.0);
+    let by_size = [Method::Triangles, Method::Pop].map(|m| settings(m, SplatKind::Square));
     for backend in [Backend::Reference, Backend::Cpu] {
-        for method in [Method::Triangles, Method::Pop] {
-            let own = settings(method, SplatKind::Square);
+        for own in [by_size[0], by_size[1], patches(Path::Auto)] {
+            let method = own.method;
             let picture = picture(&backend, &model, &view, &own, 1);
             let (width, height) = SIZE;
             // The sheet is as large as the sphere around it, over the root of two.

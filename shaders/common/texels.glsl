@@ -1,7 +1,10 @@
 // Images on surfaces, all in one buffer: `src/render/vulkan/device_textures.rs` writes it. First a record of each image
 // (number of its levels, wrap modes, and the word of its first level), then of each level (the word of its first texel, width,
 // height), then texels row by row, red in the lowest byte. What is sampled is what `src/textures/mod.rs` samples.
-layout(set = 0, binding = 3, std430) readonly buffer SurfaceTexels {
+#ifndef TEXELS_BINDING
+#define TEXELS_BINDING 3
+#endif
+layout(set = 0, binding = TEXELS_BINDING, std430) readonly buffer SurfaceTexels {
     uint texels[];
 };
 

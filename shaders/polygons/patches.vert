@@ -14,7 +14,8 @@ layout(location = 11) flat out vec4 normal_and_shape;
 layout(location = 12) flat out vec4 shape_and_middle;
 layout(location = 13) flat out vec4 color_a;
 layout(location = 14) flat out vec4 color_b;
-layout(location = 15) flat out float color_c;
+// And the number of the patch.
+layout(location = 15) flat out vec2 color_c;
 
 void main() {
     PatchPlane own;
@@ -30,7 +31,8 @@ void main() {
     shape_and_middle = own.shape_and_middle;
     color_a = own.color_a;
     color_b = own.color_b;
-    color_c = own.color_c;
+    // Whole up to 16 million.
+    color_c = vec2(own.color_c, float(gl_InstanceIndex));
 
     // Corners of the rectangle: 0, 1, 2 and 2, 1, 3.
     int corner = gl_VertexIndex < 3 ? gl_VertexIndex : 6 - gl_VertexIndex - (gl_VertexIndex == 5 ? -2 : 1);

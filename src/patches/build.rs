@@ -8,7 +8,7 @@
 use super::edges;
 use super::fit::{self, FitCorner};
 use super::footprint::{self, HullScratch};
-use super::nearest::SurfaceDistance;
+use super::nearest::{SurfaceDistance, corner_shares};
 use super::packed;
 use super::record::{NodePatch, NodePatches, RESIDUAL_LEVELS};
 use crate::math::octahedral;
@@ -24,8 +24,8 @@ pub const MOST_SHADE_LEVELS: f32 = 64.0;
 /// Samples of a footprint along each side, without open or sharp edges and with them.
 const SAMPLES: [usize; 2] = [4, 16];
 
-/// Samples of a footprint along each side where its colors are compared with what else lies in it.
-const FOREIGN_SAMPLES: u8 = 8;
+/// Samples of a footprint along each side where its colors and its place in an image are compared with what else lies in it.
+pub(super) const FOREIGN_SAMPLES: u8 = 8;
 
 /// Grey levels of a surface that faces the light: 0.8 times 255.
 pub const FULL_LEVELS: f32 = 204.0;
@@ -456,15 +456,10 @@ impl PatchSource<'_> {
     /// Color of a point of a triangle, value / 255.
     fn color_of(&self, leaf: u32, point: Vec3) -> Vec3 {
         let face = self.face(leaf);
-        let [a, b, c] = face.positions;
-        let normal = (b - a).cross(c - a);
-        let part = |from: Vec3, to: Vec3| (to - from).cross(point - from).dot(normal).max(0.0);
-        let weights = [part(b, c), part(c, a), part(a, b)];
-        let sum: f32 = weights.iter().sum();
         let mut color = Vec3::ZERO;
-        for (vertex, weight) in face.vertices.into_iter().zip(weights) {
+        let shares = corner_shares(face.positions, point);
+        for (vertex, share) in face.vertices.into_iter().zip(shares) {
             let [r, g, b, _] = self.model.vertices[vertex as usize].color;
-            let share = if sum > 0.0 { weight / sum } else { 1.0 / 3.0 };
             color += Vec3::new(f32::from(r), f32::from(g), f32::from(b)) * (share / 255.0);
         }
         color

@@ -21,8 +21,10 @@
 use super::build::FULL_LEVELS;
 use super::record::{NodePatch, NodePatches, RESIDUAL_LEVELS};
 use super::settings::PatchCutSettings;
+use crate::abi::PatchTexture;
 use crate::cut::{FourNodes, NodeTester};
 use crate::math::octahedral;
+use crate::textures::NO_IMAGE;
 use crate::tree::{Model, Node};
 use bytemuck::{Pod, Zeroable};
 use glam::{BVec4A, Vec4};
@@ -35,7 +37,7 @@ use std::f32::consts::FRAC_PI_2;
 pub(super) struct PatchCondition {
     /// The plane's, octahedral.
     normal: [i16; 2],
-    /// Root of max(h, q) over the radius, units of 1/65535; the largest value is never small enough.
+    /// Root of the largest of h, q and the slip in an image over the radius, units of 1/65535; the largest value is never small enough.
     error: u16,
     /// Root of a quarter of |S| h, units of 1/65535.
     shift: u16,
@@ -64,7 +66,7 @@ impl PatchConditions {
         let nodes = model.tree.nodes.par_iter().zip(&patches.records);
         let nodes = nodes
             .with_min_len(1024)
-            .map(|(node, patch)| PatchCondition::new(node, patch, is_strict));
+            .map(|(node, patch)| PatchCondition::new(node, (patch, None), is_strict));
         Self::of_nodes(nodes.collect(), is_strict)
     }
 
@@ -99,7 +101,12 @@ impl PatchConditions {
 }
 
 impl PatchCondition {
-    pub(super) fn new(node: &Node, patch: &NodePatch, is_strict: bool) -> Self {
+    /// The condition of a patch; with its place in images where it has one.
+    pub(super) fn new(
+        node: &Node,
+        (patch, texture): (&NodePatch, Option<&PatchTexture>),
+        is_strict: bool,
+    ) -> Self {
         if !patch.may_be_drawn() {
             return Self {
                 flags: NodePatch::NEVER,
@@ -109,8 +116,13 @@ impl PatchCondition {
         // Casts saturate, and take what is no number to 0; what is infinite is refused.
         let root_16 = |value: f32| (value.max(0.0).sqrt() * 65535.0 * 1.000_01).ceil() as u16;
         let root_8 = |rho: f32| ((rho.max(0.0) * 0.5).sqrt() * 255.0 * 1.000_01).ceil() as u8;
-        let error = patch.thickness.max(patch.overhang) / node.radius;
-        let mut lost = 255.0 * patch.color_residual;
+        let slip = texture.map_or(0.0, |texture| texture.slip);
+        let error = patch.thickness.max(patch.overhang).max(slip) / node.radius;
+        // In an image each pixel has its own color.
+        let mut lost = match texture {
+            Some(texture) if texture.image != NO_IMAGE => 0.0,
+            _ => 255.0 * patch.color_residual,
+        };
         let mut residuals = patch.residuals;
         let mut angle = patch.half_angle;
         if is_strict {

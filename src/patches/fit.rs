@@ -5,6 +5,10 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 /// A little of the spread is added where it has no extent across, so that needles do not extrapolate.
 const RIDGE: f64 = 1e-4;
 
+/// The same for what is the same linear map on each side of a triangle, as texture coordinates are: only what rounding leaves
+/// of needles has no extent.
+const LEAST_RIDGE: f64 = 1e-9;
+
 /// A corner as the fit sees it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FitCorner {
@@ -44,7 +48,7 @@ struct PlaceSums {
 }
 
 impl PlaceSums {
-    fn of(corners: &[FitCorner]) -> Self {
+    fn of(corners: &[FitCorner], ridge: f64) -> Self {
         let (mut weight, mut sum) = (0.0, DVec2::ZERO);
         for corner in corners {
             let w = f64::from(corner.weight);
@@ -63,7 +67,7 @@ impl PlaceSums {
             spread[2] += w * d.y * d.y;
         }
         let mut spread = spread.map(|sum| sum / weight);
-        let ridge = RIDGE * (spread[0] + spread[2]);
+        let ridge = ridge * (spread[0] + spread[2]);
         spread[0] += ridge;
         spread[2] += ridge;
         Self {
@@ -96,7 +100,7 @@ impl PlaceSums {
 /// S11 Cuu + S12 Cuv = Duu, S11 Cuv + S12 (Cuu + Cvv) + S22 Cuv = Duv + Dvu, S12 Cuv + S22 Cvv = Dvv, with C the covariances of
 /// places and D those of normals with places.
 pub(super) fn of_normals(corners: &[FitCorner]) -> Option<NormalFit> {
-    let places = PlaceSums::of(corners);
+    let places = PlaceSums::of(corners, RIDGE);
     if places.weight <= 0.0 {
         return None;
     }
@@ -134,10 +138,30 @@ pub(super) fn of_normals(corners: &[FitCorner]) -> Option<NormalFit> {
 
 /// Color in the origin, gradient along u and v, and the root mean square of what is left, of the worst channel.
 pub(super) fn of_colors(corners: &[FitCorner]) -> (Vec3, [Vec3; 2], f32) {
-    let places = PlaceSums::of(corners);
+    let places = PlaceSums::of(corners, RIDGE);
     if places.weight <= 0.0 {
         return (Vec3::ONE, [Vec3::ZERO; 2], 0.0);
     }
+    let (color, gradient) = linear(corners, &places);
+    let mut squares = DVec3::ZERO;
+    for corner in corners {
+        let at = color + gradient[0] * corner.at.x + gradient[1] * corner.at.y;
+        let off = (corner.color - at.clamp(Vec3::ZERO, Vec3::ONE)).as_dvec3();
+        squares += off * off * f64::from(corner.weight);
+    }
+    let residual = (squares / places.weight).max_element().sqrt() as f32;
+    (color, gradient, residual)
+}
+
+/// Values that are linear on each triangle, in the place of colors: in the origin, and their change along u and v. `None`
+/// without area.
+pub(super) fn of_linear(corners: &[FitCorner]) -> Option<(Vec3, [Vec3; 2])> {
+    let places = PlaceSums::of(corners, LEAST_RIDGE);
+    (places.weight > 0.0).then(|| linear(corners, &places))
+}
+
+/// The least squares of colors: in the origin, and their change along u and v.
+fn linear(corners: &[FitCorner], places: &PlaceSums) -> (Vec3, [Vec3; 2]) {
     let [cuu, cuv, cvv] = places.spread;
     let determinant = cuu * cvv - cuv * cuv;
     let mut color = Vec3::ZERO;
@@ -153,14 +177,7 @@ pub(super) fn of_colors(corners: &[FitCorner]) -> (Vec3, [Vec3; 2], f32) {
         gradient[0][channel] = slope.x as f32;
         gradient[1][channel] = slope.y as f32;
     }
-    let mut squares = DVec3::ZERO;
-    for corner in corners {
-        let at = color + gradient[0] * corner.at.x + gradient[1] * corner.at.y;
-        let off = (corner.color - at.clamp(Vec3::ZERO, Vec3::ONE)).as_dvec3();
-        squares += off * off * f64::from(corner.weight);
-    }
-    let residual = (squares / places.weight).max_element().sqrt() as f32;
-    (color, gradient, residual)
+    (color, gradient)
 }
 
 #[cfg(test)]

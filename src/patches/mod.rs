@@ -19,6 +19,7 @@ mod resident;
 mod settings;
 #[cfg(test)]
 mod tests;
+mod texture;
 
 pub use build::{FULL_LEVELS, MOST_SHADE_LEVELS, build};
 pub use check::{check_record, check_records};
@@ -29,3 +30,4 @@ pub use raster::{PatchLight, PatchList, PatchPixel, PatchRaster, PatchTarget};
 pub use record::{MOST_CORNERS, NodePatch, NodePatches, RESIDUAL_LEVELS};
 pub use resident::{ResidentPatches, add_records};
 pub use settings::{ErrorTolerances, PatchCutSettings, PatchRules};
+pub(crate) use texture::PixelRays;

@@ -167,6 +167,15 @@ fn nearest_in_triangle(p: Vec3, [a, b, c]: [Vec3; 3]) -> Vec3 {
     }
 }
 
+/// Parts of the corners of a triangle in a point of it; their sum is 1.
+pub(super) fn corner_shares([a, b, c]: [Vec3; 3], point: Vec3) -> [f32; 3] {
+    let normal = (b - a).cross(c - a);
+    let part = |from: Vec3, to: Vec3| (to - from).cross(point - from).dot(normal).max(0.0);
+    let weights = [part(b, c), part(c, a), part(a, b)];
+    let sum: f32 = weights.iter().sum();
+    weights.map(|weight| if sum > 0.0 { weight / sum } else { 1.0 / 3.0 })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -265,7 +265,7 @@ impl PackedPatch {
         }
     }
 
-    /// What of the record is drawn: all but overhang, residuals, half angle and flags.
+    /// The part of the record that is drawn: all but overhang, residuals, half angle and flags.
     fn unpack_shown(&self, node: &Node, colors: Option<&PackedPatchColors>) -> NodePatch {
         let radius = node.radius;
         let (normal, axis) = axes(self.plane);

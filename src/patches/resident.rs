@@ -1,18 +1,21 @@
-//! What drawing keeps of the records of a model: the packed records, and what decides when each is drawn.
+//! Records of a model as drawing keeps them: packed, and with what decides when each is drawn.
 
 use super::build;
 use super::conditions::{PatchCondition, PatchConditions};
-use crate::abi::OrientedPolygon;
+use super::texture;
+use crate::abi::{OrientedPolygon, PatchTexture};
 use crate::progress::Progress;
 use crate::tree::{Error, Model, PatchRecords};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
 /// The nodes of a model as polygons, with what decides when each is drawn so: 52 bytes a node (with colors 64), some 25 a
-/// triangle. The processor's own drawing asks for [`ResidentPatches::polygons`] besides: 152 bytes a node.
+/// triangle; 32 more a node of a model with images. The processor's own drawing asks for [`ResidentPatches::polygons`] besides: 152 bytes a node.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ResidentPatches {
     records: Arc<PatchRecords>,
+    /// One a record of a model with images.
+    textures: Vec<PatchTexture>,
     polygons: OnceLock<Vec<OrientedPolygon>>,
     /// By means of residuals, and strict.
     conditions: [OnceLock<PatchConditions>; 2],
@@ -49,6 +52,7 @@ impl ResidentPatches {
             None => Arc::new(packed_records(model, progress)?),
         };
         let made = Self {
+            textures: texture::textures_of(model, &records),
             records,
             ..Self::default()
         };
@@ -59,6 +63,11 @@ impl ResidentPatches {
     /// The packed records, one for each node of the tree in its order; none of a cloud.
     pub fn records(&self) -> &PatchRecords {
         &self.records
+    }
+
+    /// Places in images, one for each record of a model with images; none of others.
+    pub fn textures(&self) -> &[PatchTexture] {
+        &self.textures
     }
 
     /// A polygon for each node of the tree, in its order; none of a cloud. Made at the first call. Those of nodes that are
@@ -77,7 +86,8 @@ impl ResidentPatches {
         let made = || {
             let conditions = self.of_nodes(model, |records, index| {
                 let node = &model.tree.nodes[index];
-                PatchCondition::new(node, &records.record(index, node), is_strict)
+                let patch = records.record(index, node);
+                PatchCondition::new(node, (&patch, self.textures.get(index)), is_strict)
             });
             PatchConditions::of_nodes(conditions, is_strict)
         };

@@ -194,6 +194,8 @@ pub(crate) struct PlannedPrimitives {
     pub(crate) is_gray: bool,
     /// Vertices are drawn as quads: they are too large for points, or cheaper so.
     pub(crate) are_quads: bool,
+    /// Patches show images.
+    pub(crate) textures_patches: bool,
 }
 
 /// A frame, planned.
@@ -388,6 +390,7 @@ impl FramePlan {
                 binds_vertices: capabilities.binds_vertices,
                 is_gray: settings.shades_gray(parts.has_colors()),
                 are_quads: settings.method == Method::Points && vertex_px > cheapest_px,
+                textures_patches: facts.has_textures && settings.textures_patches(),
             },
             may_use_compute,
             draws_cut_by_compute: may_use_compute

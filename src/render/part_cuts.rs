@@ -1,6 +1,6 @@
 //! The cut of a frame: a list of parts, each the cut of one model.
 
-use crate::abi::OrientedPolygon;
+use crate::abi::{OrientedPolygon, PatchTexture};
 use crate::cut::{Cut, CutSelector, CutStats};
 use crate::pack::{falsecolor, splats};
 use crate::patches::{PatchCounts, PatchCut, PatchList, PatchRules, PatchSelector};
@@ -191,6 +191,16 @@ impl PartCuts {
             }
             None => {}
         }
+    }
+
+    /// Places in images of the patches of a frame of one part, in their order; none where the part has no images.
+    pub(crate) fn patch_textures(&self, parts: DrawnParts<'_>) -> Vec<PatchTexture> {
+        let Some(part) = parts.single().filter(|part| part.model.textures.is_some()) else {
+            return Vec::new();
+        };
+        let of_nodes = part.facts.patches(part.model).textures();
+        let ids = self.patch_ids().iter();
+        ids.map(|&id| of_nodes[id as usize]).collect()
     }
 
     /// Ids of the patches of a frame of one part; none where it draws no patches.

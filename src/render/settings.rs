@@ -358,6 +358,12 @@ impl Settings {
         is_shaded && self.light.is_gray() && !(self.use_colors && has_colors)
     }
 
+    /// Tells whether patches of a model with images show these.
+    pub(crate) fn textures_patches(&self) -> bool {
+        let shows_colors = self.use_colors && self.color_by == ColorBy::Shading;
+        shows_colors && self.drawn_patches().is_some()
+    }
+
     /// Tells whether photographs are put on the surface.
     pub fn shows_photos(&self) -> bool {
         self.photos != PhotoDisplay::Off

@@ -1,5 +1,6 @@
 //! The textures of a model: what its triangles show where they are large, and the mean of each where they are small.
 
+use super::Model;
 use super::sort_item::SortItem;
 use crate::abi::Vertex;
 use crate::mesh::Mesh;
@@ -60,6 +61,13 @@ impl ModelTextures {
         let images = self.images.iter().map(|image| image.bytes());
         let lists = size_of_val(&self.points[..]) + size_of_val(&self.leaf_colors[..]);
         images.sum::<u64>() + lists as u64
+    }
+}
+
+impl Model {
+    /// Images on its surface; none where it has no textures.
+    pub(crate) fn images(&self) -> &[Arc<TextureImage>] {
+        self.textures.as_ref().map_or(&[], |own| &own.images)
     }
 }
 

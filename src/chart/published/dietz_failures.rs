@@ -154,6 +154,7 @@ impl FailureScene {
         let polygons = PolygonList {
             polygons: &set.splats,
             are_patches: false,
+            ..PolygonList::default()
         };
         let outputs = PictureOutputs {
             depth: true,

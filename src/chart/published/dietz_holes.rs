@@ -129,6 +129,7 @@ fn bare_in_views(model: &Model, set: &SplatSet) -> Result<u64, ChartError> {
             let polygons = PolygonList {
                 polygons,
                 are_patches: false,
+                ..PolygonList::default()
             };
             render_with_polygons(&view, &list, polygons, &style, outputs)
         };

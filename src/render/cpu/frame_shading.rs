@@ -7,11 +7,13 @@ use crate::abi::constants::{
     FLAG_CULLS_BACK, FLAG_LIT_SPHERE, FLAG_ORTHOGRAPHIC, FLAG_PARALLEL_LIGHT, FLAG_PHONG,
     FLAG_TWO_SIDED, FLAG_USE_COLORS, FULL_HIGHLIGHT, LEAST_BACK,
 };
-use crate::abi::{FrameConstants, OrientedPolygon, Splat};
+use crate::abi::{FrameConstants, OrientedPolygon, PatchTexture, Splat};
 use crate::pack::lit_sphere::{LitSurface, SphereLights};
 use crate::pack::{ALBEDO, falsecolor};
-use crate::patches::PatchLight;
+use crate::patches::{PatchLight, PixelRays};
+use crate::textures::TextureImage;
 use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
+use std::sync::Arc;
 
 /// What splats are tinted with when coloring by primitive.
 pub(super) const SPLAT_TINT: Vec3 = Vec3::new(1.0, 0.2, 0.2);
@@ -151,8 +153,37 @@ impl FrameShading {
         uv: [f32; 2],
         tint: Vec3,
     ) -> ShadedPoint {
+        self.of_colored(polygon, uv, (polygon.color_at(uv), tint))
+    }
+
+    /// A point of a patch that shows an image where it is in one.
+    pub(super) fn of_textured(
+        &self,
+        patch: &OrientedPolygon,
+        uv: [f32; 2],
+        (texture, images): (&PatchTexture, &[Arc<TextureImage>]),
+    ) -> ShadedPoint {
+        let rays = PixelRays {
+            turn: self.turn,
+            model_scale: self.model_scale,
+            step: self.ray_scale,
+            is_parallel: self.has(FLAG_ORTHOGRAPHIC),
+        };
+        let place = self.view_from_model.transform_point3(patch.point(uv));
+        let seen = texture.color(images, patch, (uv.into(), place), &rays);
+        let color = seen.unwrap_or_else(|| patch.color_at(uv));
+        self.of_colored(patch, uv, (color, PATCH_TINT))
+    }
+
+    /// A point of an oriented polygon that has this color there.
+    fn of_colored(
+        &self,
+        polygon: &OrientedPolygon,
+        uv: [f32; 2],
+        (color, tint): (Vec3, Vec3),
+    ) -> ShadedPoint {
         let (position, normal) = (polygon.point(uv), polygon.normal_at(uv));
-        let (color, share) = (polygon.color_at(uv), polygon.light_share());
+        let share = polygon.light_share();
         let unit = unit_or_zero(normal);
         let color = if self.has_headlight() {
             let to_light = self.headlight.truncate() - position * self.headlight.w;

@@ -1,13 +1,15 @@
 //! Oriented polygons: each pixel intersects its ray with the plane, and is lit there.
 
-use crate::abi::OrientedPolygon;
+use crate::abi::{OrientedPolygon, PatchTexture};
 use crate::math::camera::View;
 use crate::pack::polygons::{PolygonSample, ScreenPolygon};
 use crate::render::reference::bands::{OpaquePixel, PixelCoverage, PixelRows};
 use crate::render::reference::frame::{PlacedVertex, ReferenceFrame};
 use crate::render::reference::shade::{SurfaceKind, SurfacePoint, color_of};
-use glam::{DVec2, DVec3, Vec3};
+use crate::textures::{TextureImage, TextureSlope};
+use glam::{DMat2, DVec2, DVec3, Vec3};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Oriented polygons of a frame.
 #[derive(Debug, Clone, Copy, Default)]
@@ -16,6 +18,10 @@ pub struct PolygonList<'a> {
     pub polygons: &'a [OrientedPolygon],
     /// Patches of a cut by error; else splats from vertices.
     pub are_patches: bool,
+    /// Places of patches in images, one each where images are shown; else none.
+    pub textures: &'a [PatchTexture],
+    /// Images of the model.
+    pub images: &'a [Arc<TextureImage>],
 }
 
 /// A polygon with the pixels that it may cover.
@@ -24,6 +30,8 @@ struct RasterPolygon {
     seen: ScreenPolygon,
     columns: Range<u32>,
     rows: Range<u32>,
+    /// Nowhere where no image is shown.
+    texture: Option<PatchTexture>,
 }
 
 impl PixelCoverage for RasterPolygon {
@@ -53,9 +61,15 @@ pub(super) fn draw(
         true => SurfaceKind::Patch,
         false => SurfaceKind::Splat,
     };
+    let items: Vec<_> = (list.polygons.iter().enumerate())
+        .map(|(index, polygon)| (polygon, list.textures.get(index)))
+        .collect();
     target.draw(
-        list.polygons,
-        |polygon| set_up(frame, polygon),
+        &items,
+        |&(polygon, texture)| {
+            let texture = texture.copied();
+            set_up(frame, polygon).map(|raster| RasterPolygon { texture, ..raster })
+        },
         |pixel, raster: &RasterPolygon, sample| {
             let distance = sample.distance as f32;
             let Some(placed) = frame.project(Vec3::new(0.0, 0.0, -distance)) else {
@@ -67,9 +81,15 @@ pub(super) fn draw(
                 false => placed.depth(),
             };
             if depth > pixel.depth {
+                let mut seen = surface(kind, &raster.polygon, sample);
+                if let Some(color) = raster.texture.and_then(|texture| {
+                    texture_color((&texture, list.images), &raster.polygon, sample, frame.view)
+                }) {
+                    seen.color = color;
+                }
                 *pixel = OpaquePixel {
                     depth,
-                    shown: frame.shading.shown(&surface(kind, &raster.polygon, sample)),
+                    shown: frame.shading.shown(&seen),
                 };
             }
         },
@@ -95,7 +115,53 @@ fn set_up(frame: &ReferenceFrame<'_>, polygon: &OrientedPolygon) -> Option<Raste
         seen,
         columns,
         rows,
+        texture: None,
     })
+}
+
+/// Color of an image where a pixel sees a patch; `None` where it is in none.
+fn texture_color(
+    (texture, images): (&PatchTexture, &[Arc<TextureImage>]),
+    patch: &OrientedPolygon,
+    sample: PolygonSample,
+    view: &View,
+) -> Option<DVec3> {
+    let image = images.get(texture.image as usize)?;
+    let [at, along_u, along_v] =
+        [texture.at, texture.along_u, texture.along_v].map(|[x, y]| DVec2::new(x.into(), y.into()));
+    let steps = plane_steps(patch, sample, view).map(|step| step.x * along_u + step.y * along_v);
+    let slope = TextureSlope {
+        right: steps[0].as_vec2(),
+        down: steps[1].as_vec2(),
+    };
+    let [u, v] = sample.uv.map(f64::from);
+    let place = (at + u * along_u + v * along_v).as_vec2();
+    Some(image.sample(place, image.level_of(slope)).as_dvec3())
+}
+
+/// Change of plane coordinates to what the next pixels on the right and below see, from the planes through the eye that are
+/// seen as lines: u / w and v / w of a plane point are linear in the picture, and 1 / w is.
+fn plane_steps(patch: &OrientedPolygon, sample: PolygonSample, view: &View) -> [DVec2; 2] {
+    let matrix = view.view_from_model.as_dmat4();
+    let at = matrix.transform_point3(patch.point(sample.uv).as_dvec3());
+    let [u, v] =
+        [patch.axis, patch.second_axis()].map(|axis| matrix.transform_vector3(axis.as_dvec3()));
+    let [sx, sy] = view.scale.map(f64::from);
+    let [width, height] = [view.width, view.height].map(f64::from);
+    // Window coordinates along a way in the plane: x = f X / W.
+    let focal = [0.5 * sx * width, -0.5 * sy * height];
+    let change = |way: DVec3| match view.is_perspective {
+        true => {
+            let w = -at.z;
+            DVec2::new(
+                focal[0] * (way.x * w + at.x * way.z) / (w * w),
+                focal[1] * (way.y * w + at.y * way.z) / (w * w),
+            )
+        }
+        false => DVec2::new(focal[0] * way.x, focal[1] * way.y),
+    };
+    let back = DMat2::from_cols(change(u), change(v)).inverse();
+    [back.x_axis, back.y_axis]
 }
 
 /// Radii by which planes of a flat surface are kept apart.

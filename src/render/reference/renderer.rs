@@ -1,6 +1,6 @@
 //! Whole frames by the reference: cut, pack, draw.
 
-use crate::abi::{FilteredSplat, OrientedPolygon, Splat, Vertex, WeightedSplat};
+use crate::abi::{FilteredSplat, OrientedPolygon, PatchTexture, Splat, Vertex, WeightedSplat};
 use crate::cut::{Cut, CutSelector};
 use crate::image::Image;
 use crate::math::camera::View;
@@ -55,6 +55,8 @@ struct PackedLists<'m> {
     weighted: Vec<WeightedSplat>,
     filtered: Vec<FilteredSplat>,
     polygons: Vec<OrientedPolygon>,
+    /// Places of patches in images, where images are shown.
+    patch_textures: Vec<PatchTexture>,
     /// Vertices of all models.
     vertices: Cow<'m, [Vertex]>,
     textures: Option<JoinedTextures>,
@@ -146,6 +148,10 @@ impl ReferenceRenderer {
             polygons: self
                 .cuts
                 .polygons(parts, settings.color_by == ColorBy::Level),
+            patch_textures: match plan.primitives.textures_patches {
+                true => self.cuts.patch_textures(parts),
+                false => Vec::new(),
+            },
             ..PackedLists::default()
         };
         let mut corners = Vec::new();
@@ -225,6 +231,8 @@ impl ReferenceRenderer {
                 let polygons = PolygonList {
                     polygons: &lists.polygons,
                     are_patches: self.cuts.has_patches(),
+                    textures: &lists.patch_textures,
+                    images: lists.textures.as_ref().map_or(&[], |own| &own.images),
                 };
                 let drawn = crate::render::reference::render_with_polygons(
                     view, &opaque, polygons, style, outputs,

@@ -27,9 +27,9 @@ pub(crate) struct DeviceTree {
 /// Packed records of the patches of a tree.
 #[derive(Debug)]
 pub(crate) struct DevicePatches {
-    /// As [`PackedPatch`](crate::tree::PackedPatch), one a node.
+    /// Records, one a node ([`PackedPatch`](crate::tree::PackedPatch)).
     pub(crate) records: DeviceBuffer,
-    /// As [`PackedPatchColors`](crate::tree::PackedPatchColors); `None` where the model has no colors.
+    /// Colors, one a node ([`PackedPatchColors`](crate::tree::PackedPatchColors)); `None` where the model has none.
     pub(crate) colors: Option<DeviceBuffer>,
 }
 

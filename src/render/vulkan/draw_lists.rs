@@ -5,7 +5,8 @@ mod filtered;
 mod triangles;
 
 use crate::abi::{
-    FilteredConstants, FilteredSplat, FuzzySplat, OrientedPolygon, Splat, SplatId, WeightedSplat,
+    FilteredConstants, FilteredSplat, FuzzySplat, OrientedPolygon, PatchTexture, Splat, SplatId,
+    WeightedSplat,
 };
 use crate::gpu::buffer::{AnyBuffer, UploadBuffer};
 use crate::gpu::{Error, Gpu};
@@ -23,6 +24,7 @@ use crate::render::frame_plan::{FramePlan, PackKey, RecordFormat};
 use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::part_cuts::PartCuts;
 use crate::render::stats::FrameCounts;
+use crate::render::vulkan::device_tree::fits_bindings;
 use crate::render::vulkan::draw_lists::filtered::TakenCuts;
 use crate::render::vulkan::expanded_lists::{ExpandedBytes, ExpandedLists};
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
@@ -44,6 +46,8 @@ pub(super) struct DrawLists {
     rest_ids: Vec<u32>,
     /// Oriented polygons, or ids of patches.
     polygons: UploadBuffer,
+    /// Places of patches in images, one each where images are shown.
+    patch_places: UploadBuffer,
     /// Buffers of the records that the device makes of numbers.
     whole: Option<ExpandedLists>,
     /// Constants by which the device makes filtered splats of numbers; `None` where the list holds records.
@@ -63,18 +67,10 @@ pub(super) struct PackedFrame {
     pub(super) placed: Option<fuzzy::PlacedFuzzy>,
     /// Records of the list of splats, with gaps.
     pub(super) capacity: usize,
-    pub(super) splat_bytes: u64,
-    /// Of all triangles.
-    pub(super) index_bytes: u64,
-    /// Of those in the list of triangles.
-    large_bytes: u64,
-    /// Of those in the list of small ones.
-    small_bytes: u64,
+    bytes: PackedBytes,
     pub(super) triangles: usize,
     /// Oriented polygons.
     pub(super) polygons: usize,
-    /// Bytes of their list.
-    polygon_bytes: u64,
     pub(super) selection: PassSelection,
     /// What was packed are numbers, of which the device makes what is drawn.
     pub(super) are_ids: bool,
@@ -82,6 +78,21 @@ pub(super) struct PackedFrame {
     pub(super) is_made: bool,
     /// Counts of its cuts.
     of_cut: FrameCounts,
+}
+
+/// Bytes of the lists of a slot.
+#[derive(Debug, Clone, Copy)]
+struct PackedBytes {
+    splats: u64,
+    /// Of all triangles.
+    indices: u64,
+    /// Of those in the list of triangles.
+    large: u64,
+    /// Of those in the list of small ones.
+    small: u64,
+    polygons: u64,
+    /// Places of patches in images.
+    places: u64,
 }
 
 /// What is packed: a planned frame, whose cut is there.
@@ -113,6 +124,7 @@ impl DrawLists {
             rest: small_triangles::LargeTriangles::new(),
             rest_ids: Vec::new(),
             polygons: list("polygons")?,
+            patch_places: list("places of patches")?,
             whole: None,
             eye: None,
             held: None,
@@ -157,6 +169,10 @@ impl DrawLists {
             cuts.write_polygons(parts, is_by_level, &mut out[..polygons]);
             size_of_val(&out[..polygons]) as u64
         };
+        let place_bytes = match plan.primitives.textures_patches {
+            true => self.pack_places(gpu, &cuts.patch_textures(parts))?,
+            false => 0,
+        };
         let written = self.pack_splats(gpu, input, (cuts, &large), are_ids)?;
         let primitives = plan.primitives;
         // Of those that are left after samples most are large.
@@ -200,16 +216,19 @@ impl DrawLists {
             samples: written.samples.unwrap_or(0),
             placed: written.placed,
             capacity: written.capacity,
-            splat_bytes: (written.capacity * written.record_bytes) as u64,
-            index_bytes,
-            large_bytes: triangle_bytes * so_far.large as u64,
-            small_bytes: triangle_bytes * so_far.small as u64,
+            bytes: PackedBytes {
+                splats: (written.capacity * written.record_bytes) as u64,
+                indices: index_bytes,
+                large: triangle_bytes * so_far.large as u64,
+                small: triangle_bytes * so_far.small as u64,
+                polygons: polygon_bytes,
+                places: place_bytes,
+            },
             triangles: match primitives.has_triangles {
                 true => cuts.triangle_count(),
                 false => 0,
             },
             polygons,
-            polygon_bytes,
             selection,
             are_ids,
             is_made: false,
@@ -217,6 +236,18 @@ impl DrawLists {
             key,
         });
         Ok(())
+    }
+
+    /// Writes places of patches in images, and returns their bytes.
+    ///
+    /// # Errors
+    /// When memory runs out, or the device binds no list that is so long.
+    fn pack_places(&mut self, gpu: &Arc<Gpu>, places: &[PatchTexture]) -> Result<u64, Error> {
+        let bytes = size_of_val(places) as u64;
+        fits_bindings(gpu, [bytes])?;
+        let out = records::<PatchTexture>(gpu, &mut self.patch_places, places.len())?;
+        out[..places.len()].copy_from_slice(places);
+        Ok(bytes)
     }
 
     /// Writes the splats of cuts, those of one part after the other.
@@ -387,6 +418,12 @@ impl DrawLists {
         self.whole().map_or(&self.polygons, |whole| &whole.polygons)
     }
 
+    /// Places of patches in images, and their bytes; none where no images are shown.
+    pub(super) fn patch_places(&self) -> Option<(&dyn AnyBuffer, u64)> {
+        let bytes = self.held.as_ref()?.bytes.places;
+        (bytes > 0).then_some((&self.patch_places, bytes))
+    }
+
     /// Corners of the triangles of `small_runs`.
     pub(super) fn small(&self) -> &dyn AnyBuffer {
         self.whole().map_or(&self.small, |whole| &whole.small)
@@ -397,14 +434,14 @@ impl DrawLists {
         let Some(held) = &self.held else {
             return FrameCounts::default();
         };
-        let packed = held.packed;
+        let (packed, bytes) = (held.packed, &held.bytes);
         let splats = held
             .placed
             .map_or(packed.points + packed.quads - held.samples, |p| p.all());
         FrameCounts {
             splats: (splats + held.polygons) as u64,
             triangles: held.triangles as u64,
-            draw_list_bytes: held.splat_bytes + held.index_bytes + held.polygon_bytes,
+            draw_list_bytes: (bytes.splats + bytes.indices) + (bytes.polygons + bytes.places),
             ..held.of_cut
         }
     }
@@ -412,10 +449,11 @@ impl DrawLists {
     /// Makes what was packed visible to the device.
     pub(super) fn flush(&mut self) {
         let Some(held) = self.held else { return };
-        self.splats.flush(0..held.splat_bytes);
-        self.indices.flush(0..held.large_bytes);
-        self.polygons.flush(0..held.polygon_bytes);
-        self.small.flush(0..held.small_bytes);
+        self.splats.flush(0..held.bytes.splats);
+        self.indices.flush(0..held.bytes.large);
+        self.polygons.flush(0..held.bytes.polygons);
+        self.patch_places.flush(0..held.bytes.places);
+        self.small.flush(0..held.bytes.small);
     }
 }
 

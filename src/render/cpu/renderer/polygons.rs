@@ -1,6 +1,6 @@
 //! Oriented polygons beside triangles and splats; and which triangles a frame draws.
 
-use crate::abi::OrientedPolygon;
+use crate::abi::{OrientedPolygon, PatchTexture};
 use crate::pack::ColorBy;
 use crate::pack::parallel;
 use crate::patches::{PatchRaster, PatchTarget};
@@ -13,7 +13,9 @@ use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
 use crate::render::cpu::seen_polygon::{SeenPolygon, seen_polygons};
 use crate::render::cpu::triangles::FrameLight;
 use crate::render::model_facts::FactedModel;
+use crate::textures::TextureImage;
 use crate::tree::Model;
+use std::sync::Arc;
 
 /// Rows that a thread takes.
 pub(super) const BAND_PX: usize = 16;
@@ -26,6 +28,15 @@ pub(super) struct PolygonBand<'a> {
     pub(super) depths: &'a mut [f32],
     pub(super) values: &'a mut [[f32; 4]],
     pub(super) normals: &'a mut [[f32; 3]],
+}
+
+/// Patches whose nearest are known.
+struct ShownPatches<'a> {
+    raster: &'a PatchRaster,
+    polygons: &'a [OrientedPolygon],
+    /// One each where images are shown, else none.
+    textures: &'a [PatchTexture],
+    images: &'a [Arc<TextureImage>],
 }
 
 impl CpuRenderer {
@@ -103,8 +114,13 @@ impl CpuRenderer {
         let depths = &mut self.depths[..pixels_of(rect_px)];
         let shading = FrameShading::new(frame.constants);
         let outputs = self.planes.outputs();
-        let mut list_bytes = size_of::<u32>() * count;
-        if shading.has_headlight() && !outputs.values && !outputs.normal {
+        let textures = match frame.plan.primitives.textures_patches {
+            true => self.cuts.patch_textures(frame.drawn),
+            false => Vec::new(),
+        };
+        let mut list_bytes = size_of::<u32>() * count + size_of_val(&textures[..]);
+        let has_values = outputs.values || outputs.normal;
+        if shading.has_headlight() && !has_values && textures.is_empty() {
             let target = PatchTarget {
                 pitch: pixels.pitch,
                 colors: pixels.from(rect_px),
@@ -120,12 +136,17 @@ impl CpuRenderer {
             let polygons = &mut self.polygons;
             self.cuts.put_polygons(frame.drawn, is_by_level, polygons);
             list_bytes += size_of_val(&polygons[..]);
-            let (raster, polygons) = (&*raster, &*polygons);
+            let shown = ShownPatches {
+                raster,
+                polygons,
+                textures: &textures,
+                images: frame.drawn.single().map_or(&[], |part| part.model.images()),
+            };
             let columns = columns_of(frame, pixels.pitch);
             let planes = self.planes.planes();
             let bands = bands_of(frame, pixels, depths, planes);
             parallel::share(pixels_of(rect_px), bands.into_iter(), |mut band| {
-                band.show((raster, polygons), columns, &shading);
+                band.show(&shown, columns, &shading);
             });
         }
         DrawnCounts {
@@ -210,16 +231,23 @@ impl PolygonBand<'_> {
     /// Shows the patches that are nearest, whose depths are there.
     fn show(
         &mut self,
-        (raster, patches): (&PatchRaster, &[OrientedPolygon]),
+        patches: &ShownPatches<'_>,
         [left, width, pitch]: [usize; 3],
         shading: &FrameShading,
     ) {
         for here in 0..self.depths.len() {
             let (row, column) = (here / width, here % width);
             let pixel = [left + column, self.top + row].map(|at| at as u32);
-            if let Some(found) = raster.pixel(patches, pixel, self.depths[here]) {
-                let patch = &patches[found.number as usize];
-                let point = shading.of_polygon(patch, found.uv, PATCH_TINT);
+            let depth = self.depths[here];
+            if let Some(found) = patches.raster.pixel(patches.polygons, pixel, depth) {
+                let number = found.number as usize;
+                let patch = &patches.polygons[number];
+                let point = match patches.textures.get(number) {
+                    Some(texture) => {
+                        shading.of_textured(patch, found.uv, (texture, patches.images))
+                    }
+                    None => shading.of_polygon(patch, found.uv, PATCH_TINT),
+                };
                 self.put([here, row * pitch + column], point);
             }
         }

@@ -2,12 +2,11 @@
 //! ask for the footprint. The nearest wins.
 
 use crate::abi::{CompiledShader, OrientedPolygon, ShaderVariants, shaders};
-use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::{DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline};
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::POLYGON;
-use crate::render::vulkan::opaque::polygon_variant::{PolygonKind, PolygonVariant};
+use crate::render::vulkan::opaque::polygon_variant::{PolygonKind, PolygonRecords, PolygonVariant};
 use crate::render::vulkan::opaque::polygons_by_compute::PolygonCompute;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
@@ -51,11 +50,15 @@ impl PolygonPasses {
         &self,
         frame: &mut FrameRecorder<'_>,
         targets: &FrameTargets,
-        list: (&dyn AnyBuffer, usize),
+        list: PolygonRecords<'_>,
         context: &Context,
         constants: UniformBlock,
     ) -> Result<(), Error> {
-        let (polygons, count) = list;
+        let PolygonRecords {
+            polygons,
+            count,
+            textures,
+        } = list;
         let pipeline = match &self.drawer {
             PolygonDrawer::Rasterizer(pipeline) => pipeline,
             PolygonDrawer::Compute(compute) => {
@@ -66,10 +69,16 @@ impl PolygonPasses {
             return Ok(());
         }
         let kind = self.variant.kind;
-        let pass = targets.attach_after(frame.pass(kind.pass()), context, false);
+        let mut pass = targets.attach_after(frame.pass(kind.pass()), context, false);
+        if let Some(images) = textures {
+            pass = images.declared(pass);
+        }
         pass.vertices(polygons).draw(context.viewport(), |draw| {
             draw.cull_back_faces(false, false);
-            draw.bind(pipeline, &[constants], &[]);
+            match textures {
+                Some(images) => draw.bind_storage(pipeline, &[constants], &[], &images.bound()),
+                None => draw.bind(pipeline, &[constants], &[]),
+            }
             draw.vertices(polygons, 0);
             match kind {
                 PolygonKind::Splats => draw.draw_fans(0, count as u32),
@@ -86,9 +95,10 @@ impl PolygonPasses {
 /// When a Vulkan call fails.
 fn pipeline(
     gpu: &Arc<Gpu>,
-    PolygonVariant { kind, flags, .. }: PolygonVariant,
+    variant: PolygonVariant,
     targets: &FrameTargets,
 ) -> Result<ShaderPipeline, Error> {
+    let PolygonVariant { kind, flags, .. } = variant;
     let (vertex, fragment, topology): (&CompiledShader, ShaderVariants, PrimitiveTopology) =
         match kind {
             PolygonKind::Splats => (
@@ -98,7 +108,10 @@ fn pipeline(
             ),
             PolygonKind::Patches => (
                 &shaders::POLYGONS_PATCHES_VERT,
-                shaders::POLYGONS_PATCHES_FRAG,
+                match variant.has_textures {
+                    true => shaders::POLYGONS_PATCHES_TEXTURED_FRAG,
+                    false => shaders::POLYGONS_PATCHES_FRAG,
+                },
                 PrimitiveTopology::Quads,
             ),
         };

@@ -7,7 +7,7 @@
 use crate::abi::specialization::{ARE_PATCHES, LOOKS_FIRST};
 use crate::abi::{OrientedPolygon, shaders};
 use crate::gpu::bind::BufferSlice;
-use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
+use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::{
     DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
@@ -16,7 +16,7 @@ use crate::gpu::{Error, Gpu};
 use crate::render::compute_limits::storage_bytes;
 use crate::render::screen_bounds;
 use crate::render::technique::Technique;
-use crate::render::vulkan::opaque::polygon_variant::{PolygonKind, PolygonVariant};
+use crate::render::vulkan::opaque::polygon_variant::{PolygonKind, PolygonRecords, PolygonVariant};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::RecordRange;
 use crate::render::vulkan::storage_ranges;
@@ -40,15 +40,20 @@ impl PolygonCompute {
     /// When memory runs out or a Vulkan call fails.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        PolygonVariant { kind, flags, .. }: PolygonVariant,
+        variant: PolygonVariant,
         targets: &FrameTargets,
     ) -> Result<Self, Error> {
+        let PolygonVariant { kind, flags, .. } = variant;
+        let resolve = match variant.has_textures {
+            true => shaders::POLYGONS_RESOLVE_TEXTURED_FRAG,
+            false => shaders::POLYGONS_RESOLVE_FRAG,
+        };
         let are_patches = ARE_PATCHES.is(kind == PolygonKind::Patches);
         let looks_first = LOOKS_FIRST.is(!gpu.info().is_cpu());
         let description = PipelineDescription {
             name: "polygons.resolve",
             vertex: &shaders::COMPUTE_RESOLVE_VERT,
-            fragment: Some(shaders::POLYGONS_RESOLVE_FRAG.of(targets.normal().is_some())),
+            fragment: Some(resolve.of(targets.normal().is_some())),
             constants: &[are_patches],
             record: VertexRecord::NOTHING,
             topology: PrimitiveTopology::Triangles,
@@ -85,7 +90,11 @@ impl PolygonCompute {
         &self,
         frame: &mut FrameRecorder<'_>,
         targets: &FrameTargets,
-        (polygons, count): (&dyn AnyBuffer, usize),
+        PolygonRecords {
+            polygons,
+            count,
+            textures,
+        }: PolygonRecords<'_>,
         context: &Context,
         constants: UniformBlock,
     ) -> Result<(), Error> {
@@ -111,14 +120,19 @@ impl PolygonCompute {
                 compute.items(count * SHARERS);
             }
         });
-        let pass = targets
+        let mut pass = targets
             .attach_after(frame.pass("polygons.resolve"), context, false)
             .fragment_storage(polygons)
             .fragment_storage(&self.keys);
+        if let Some(images) = textures {
+            pass = images.declared(pass);
+        }
         pass.draw_whole(|draw| {
             for &(part, uniform, _) in &parts {
                 let uniforms = [constants, uniform];
-                draw.bind_storage(&self.resolve, &uniforms, &[], &[part, keys]);
+                let mut storage = vec![part, keys];
+                storage.extend(textures.iter().flat_map(|images| images.bound()));
+                draw.bind_storage(&self.resolve, &uniforms, &[], &storage);
                 raster_pass::cover(draw, &[context.rect_px]);
             }
         });

@@ -2,7 +2,6 @@
 
 use crate::abi::CutConstants;
 use crate::gpu::Error;
-use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, FrameTicket, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::pack::ColorBy;
@@ -26,6 +25,7 @@ use crate::render::vulkan::expand_ids::ExpandedKind;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
+use crate::render::vulkan::opaque::polygon_variant::{PatchImages, PolygonRecords};
 use crate::render::vulkan::opaque::polygons::PolygonPasses;
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::overdraw;
@@ -313,6 +313,15 @@ impl<'a> CutPasses<'a> {
         Ok(())
     }
 
+    /// Images that patches show, and where they are in them; all pages have those of the one model.
+    fn patch_images(&self, lists: &'a DrawLists) -> Option<PatchImages<'a>> {
+        let pages = &self.drawn.scene.pages;
+        Some(PatchImages {
+            texels: &*pages.first()?.textures.as_ref()?.texels,
+            places: lists.patch_places()?,
+        })
+    }
+
     /// Records triangles, what compute draws, and splats by the rasterizer, each where there are any. The first pass clears.
     ///
     /// # Errors
@@ -342,7 +351,11 @@ impl<'a> CutPasses<'a> {
         if let (Some(polygons), CutLists::Packed(lists, held, _), true) =
             (self.polygons, self.lists, has_polygons)
         {
-            let list = (lists.polygons(), held.polygons);
+            let list = PolygonRecords {
+                polygons: lists.polygons(),
+                count: held.polygons,
+                textures: self.patch_images(lists),
+            };
             polygons.record(frame, targets, list, context, constants)?;
         }
         if let Some((small, list)) = small {

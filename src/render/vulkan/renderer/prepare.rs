@@ -138,6 +138,7 @@ impl VulkanRenderer {
             kind,
             flags: plan.constants.flags,
             by_compute: plan.may_use_compute,
+            has_textures: plan.primitives.textures_patches,
         };
         let spare = &mut self.spare_polygons;
         exchange(&mut self.polygons, spare, |made| made.variant == variant);
