@@ -252,7 +252,8 @@ impl VulkanRenderer {
                 self.by_id = Some(IdExpansion::new(&self.gpu, has_triangles)?);
             }
         }
-        if plan.uploads_ids
+        let has_ids = plan.cut_place == CutPlace::Device || plan.uploads_ids;
+        if has_ids
             && plan.technique == Technique::Filtered
             && let Some(by_id) = &mut self.by_id
         {
@@ -286,10 +287,15 @@ impl VulkanRenderer {
         }
         // Its memory first.
         (self.device_cut, self.held_on_device) = (None, None);
-        let slots = self.frames.in_flight();
+        let color = &self.targets.color;
+        let pixels = u64::from(color.width) * u64::from(color.height);
+        let room = (kind, pixels, self.frames.in_flight());
         let gpu = self.gpu.clone();
         let tree = self.tree_on_device(model, scene)?;
-        let cut = DeviceCut::new(&gpu, SceneTree { tree, scene }, model, (kind, slots))?;
+        if kind.are_filtered {
+            tree.add_moments(&gpu, model)?;
+        }
+        let cut = DeviceCut::new(&gpu, SceneTree { tree, scene }, model, room)?;
         self.device_cut = Some(cut);
         Ok(())
     }
