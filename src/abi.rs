@@ -108,7 +108,7 @@ impl SplatId {
 
     /// Most times that the edges of a piece's triangle are halved. A list of so many pieces of one triangle, 67 million records
     /// of 48 bytes, is all that 32 bits of a binding's size have room for.
-    pub const MOST_CUTS: u32 = 13;
+    pub const MOST_CUTS: u32 = constants::MOST_PIECE_CUTS;
 
     /// A node as one splat.
     pub fn node(id: u32) -> Self {

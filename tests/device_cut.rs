@@ -222,6 +222,107 @@ fn the_device_draws_clouds_and_large_splats() {
     );
 }
 
+/// Filtered splats are points of a cloud, triangles in pieces, and beside them triangles that stay such.
+#[test]
+fn the_device_draws_filtered_splats() {
+    let Some(device) = Device::open() else { return };
+    let models = [
+        ("cloud", cloud(GeneratedShape::Statue, 40_000)),
+        ("statue", generated(GeneratedShape::Statue, 60_000)),
+        ("torus", generated(GeneratedShape::Torus, 30_000)),
+        ("two triangles", generated(GeneratedShape::Square, 2)),
+    ];
+    // Splats, and triangles.
+    let mut drawn = [0; 2];
+    for (name, model) in models {
+        let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
+        let mut renderer = renderer(&device);
+        let views = views_around(
+            &model,
+            SIZE,
+            &[(20.0, 0.1), (70.0, 0.5), (130.0, 1.0), (200.0, 4.0)],
+        );
+        for (index, view) in views.iter().enumerate() {
+            for (threshold_px, culling, method) in [
+                (1.0, Culling::Auto, Method::Pop),
+                (3.0, Culling::Off, Method::Pop),
+                (1.0, Culling::Off, Method::Splats),
+                (6.0, Culling::Auto, Method::Splats),
+            ] {
+                let settings = |cut_on| Settings {
+                    method,
+                    threshold_px,
+                    culling,
+                    splat: SplatKind::Filtered,
+                    ..on(cut_on)
+                };
+                let what = format!("{name}, view {index}, {method:?} of {threshold_px} px");
+                let mut draw = |on| draw(&mut renderer, (&model, &mut scene), view, &settings(on));
+                let (host, of_host) = draw(CutOn::Processor);
+                let (chosen, of_device) = draw(CutOn::Device);
+                assert!(is_on_device(&of_device), "{what} {:?}", of_device.passes);
+                let (a, b) = (of_host.counts, of_device.counts);
+                assert_eq!(a.nodes_visited, b.nodes_visited, "{what}");
+                // The few that are seen edge-on. Splats that show nothing the device counts as well.
+                let most = 2 + (a.splats + a.triangles) / 1000;
+                assert!(b.splats + most >= a.splats, "{what}: {a:?} {b:?}");
+                assert!(
+                    b.triangles.abs_diff(a.triangles) <= most,
+                    "{what}: {a:?} {b:?}"
+                );
+                drawn[0] += b.splats;
+                drawn[1] += b.triangles;
+                pictures::DEVICE_FILTERED.assert_same(&host, &chosen, &what);
+            }
+        }
+    }
+    assert!(drawn[0] > 100_000 && drawn[1] > 10_000, "{drawn:?}");
+}
+
+/// Filtered splats have the light of the frame: they stay only as long as that does.
+#[test]
+fn filtered_splats_have_the_light_of_their_frame() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(GeneratedShape::Statue, 30_000);
+    let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
+    let mut renderer = renderer(&device);
+    renderer.keep_lists(true);
+    let view = orbit(&model, SIZE, 130.0, 25.0, 1.0);
+    let usual = Settings {
+        splat: SplatKind::Filtered,
+        ..on(CutOn::Device)
+    };
+    let lit = |light| Settings { light, ..usual };
+    let by = |color_by| Settings { color_by, ..usual };
+    let lamp = lit(SurfaceLighting::Phong(Phong::default()));
+    for (index, (settings, is_kept)) in [
+        (usual, false),
+        (usual, true),
+        (lamp, false),
+        (lamp, true),
+        (lit(SurfaceLighting::Sphere(LitSphere::Studio)), false),
+        (by(ColorBy::Primitive), false),
+        (by(ColorBy::Normal), false),
+        (by(ColorBy::Depth), false),
+        (by(ColorBy::Overdraw), false),
+        (usual, false),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let of_model = (&model, &mut scene);
+        let (chosen, times) = draw(&mut renderer, of_model, &view, &settings);
+        assert_eq!(times.kept == KeptWork::Lists, is_kept, "{index}");
+        assert_eq!(is_on_device(&times), !is_kept, "{index}");
+        let of_host = Settings {
+            cut_on: CutOn::Processor,
+            ..settings
+        };
+        let (host, _) = draw(&mut renderer, (&model, &mut scene), &view, &of_host);
+        pictures::DEVICE_FILTERED.assert_same(&host, &chosen, &format!("look {index}"));
+    }
+}
+
 #[test]
 fn the_device_cut_is_drawn_in_every_light_and_color() {
     let Some(device) = Device::open() else { return };
@@ -368,9 +469,10 @@ fn what_the_device_cannot_choose_is_refused_by_name() {
         (
             Settings {
                 splat: SplatKind::Filtered,
+                path: Path::Compute,
                 ..usual
             },
-            "another --splat",
+            "--path raster",
         ),
         (
             Settings {

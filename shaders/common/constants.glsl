@@ -66,6 +66,17 @@ const float LEAST_FILTERED_FACING = 0.02;
 const float LEAST_FACING_OF_OWN = 0.1;
 // Share of its area that a patch must show to be drawn: seen edge-on or from behind it covers nothing.
 const float LEAST_FRONT = 1e-4;
+// Where most triangles of a cut have at most this diameter in pixels, triangles are filtered splats: one sample a pixel says
+// little of the area of such a triangle.
+const float SMALL_PIECED_PX = 3.0;
+// The share that must be small for that. A pixel of both kinds is less exact than one of either.
+const float LEAST_SMALL_SHARE = 0.9;
+// The largest triangles that are, then. Single larger ones would leave pixels of both kinds.
+const float LARGEST_PIECED_PX = 6.0;
+// Pieces of triangles have at most this diameter: edges are halved until they do, which makes four of each.
+const float PIECE_PX = 1.5;
+// Most times that they are in lists of numbers, see `abi::SplatId`.
+const uint MOST_PIECE_CUTS = 13u;
 // Farther from the picture than this, in pixels, nothing reaches into it.
 const float FARTHEST_PX = 1e9;
 // Compute draws blended splats up to this size, pixels; the rasterizer those that are larger.

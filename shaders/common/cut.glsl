@@ -1,5 +1,6 @@
 // What the passes that choose a cut know, and the tests that they share: those of `cut::Tester` in the same operations in
 // the same order, so that both choose the same. Nothing is contracted.
+#include "common/constants.glsl"
 #include "common/exact.glsl"
 #include "common/item.glsl"
 
@@ -11,6 +12,8 @@ layout(set = 0, binding = 0, std140) uniform CutConstants {
     // To the right and up in the picture, and what is added.
     vec4 right;
     vec4 up;
+    // Third row of the matrix from model to view space.
+    vec4 view_row;
     // Pixels of a tangent (perspective) or of a unit, and the middle of the picture.
     vec2 focal;
     vec2 middle;
@@ -64,6 +67,12 @@ layout(set = 0, binding = 0, std140) uniform CutConstants {
     float threshold_px;
     // Largest side of a leaf that is drawn as a point, pixels, without what it is widened by.
     float largest_px;
+    // Whether large triangles are named at the end of the splats, as some may become filtered splats, and whether all do.
+    uint names_triangles;
+    uint are_pieces;
+    // 2 f, pixels of a tangent (perspective) or of a unit of view space; length there of a unit vector in model space.
+    float view_focal_px;
+    float view_scale;
 } cut;
 
 // Mirrored by `abi::CutCounters`: commands that the device makes for itself, then counts.
@@ -101,6 +110,17 @@ layout(set = 0, binding = 1, std430) buffer Counters {
     uint splat_groups[3];
     uint quad_groups[3];
     uint small_groups[3];
+    // Large triangles that may become filtered splats, those of them that are small on the screen, and a dispatch over all.
+    uint named;
+    uint named_small;
+    uint named_groups[3];
+    // Pieces of those up to the limit and of the others, and whether these are too many to be counted.
+    uint pieces_within;
+    uint pieces_beyond;
+    uint are_too_many;
+    // The largest that become splats, and the largest that become several.
+    float taken_px;
+    float halved_px;
 } counters;
 
 // Siblings that are to be looked at: the first one; in the lowest byte of the other word how many they are, above it what

@@ -1,7 +1,7 @@
 #version 460
-// Last of pass cut.leaves: how many workgroups expand and draw what was chosen, and where the quads and the large triangles
-// begin. A dispatch has whole workgroups, so copies of the first item follow the last one: they are never nearer than it, and
-// show nothing.
+// Last of passes cut.leaves and cut.pieces: how many workgroups expand and draw what was chosen, and where the quads and the
+// large triangles begin. A dispatch has whole workgroups, so copies of the first item follow the last one: they are never nearer
+// than it, and show nothing.
 #include "common/cut.glsl"
 
 layout(local_size_x = 64) in;
@@ -27,7 +27,7 @@ uvec2 groups_of(uint items) {
 void main() {
     uint lane = gl_LocalInvocationIndex;
     uvec2 of_splats = groups_of(counters.splats);
-    uint end = min(of_splats.x * of_splats.y * 64u, cut.room - counters.quads);
+    uint end = min(of_splats.x * of_splats.y * 64u, cut.room - counters.quads - counters.named);
     for (uint i = counters.splats + lane; i < end; i += 64u) {
         splat_ids[i] = splat_ids[0];
     }
@@ -41,10 +41,12 @@ void main() {
     }
     if (lane == 0u) {
         uvec2 of_quads = groups_of(counters.quads);
+        uvec2 of_named = groups_of(counters.named);
         counters.first_quad = cut.room - counters.quads;
         counters.first_index = 3u * room - counters.indices;
         counters.splat_groups = uint[3](of_splats.x, of_splats.y, 1u);
         counters.quad_groups = uint[3](of_quads.x, of_quads.y, 1u);
         counters.small_groups = uint[3](of_small.x, of_small.y, 1u);
+        counters.named_groups = uint[3](of_named.x, of_named.y, 1u);
     }
 }

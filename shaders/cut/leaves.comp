@@ -1,7 +1,8 @@
 #version 460
 // Pass cut.leaves: small leaves and points are splats, large ones triangles, whose corners are listed: from the start of the
 // list those that compute draws, and from its end the others. Points (and triangles, where they are splats too) that may be
-// too large for what draws small splats are listed from the end of the splats. An invocation does one leaf.
+// too large for what draws small splats are listed from the end of the splats; so are large triangles that may become filtered
+// splats, instead of their corners. An invocation does one leaf.
 #include "common/cut_lists.glsl"
 #include "common/patch.glsl"
 #include "common/splat_id.glsl"
@@ -25,11 +26,11 @@ layout(set = 0, binding = 7, std430) writeonly buffer Indices {
     uint indices[];
 };
 
-// How many triangles of a workgroup compute draws, how many splats are quads, and where they go.
+// How many triangles of a workgroup compute draws, how many splats are quads or large triangles, and where they go.
 shared uint own_small;
-shared uint own_quads;
+shared uint own_last;
 shared uint small_at;
-shared uint quads_at;
+shared uint last_at;
 
 // Whether a leaf in a ball is drawn as a point, as `pack::splats` has it. Where not, it may still fit one.
 bool fits_point(Ball ball) {
@@ -94,7 +95,7 @@ bool is_away(vec3 a, vec3 b, vec3 c) {
 void main() {
     if (gl_LocalInvocationIndex == 0u) {
         own_small = 0u;
-        own_quads = 0u;
+        own_last = 0u;
     }
     begin_group();
     uint group = ITEM / 4u;
@@ -127,7 +128,10 @@ void main() {
 
     bool is_splat = is_kept && (is_within || is_large_splat);
     bool is_triangle = is_kept && !is_splat;
-    if (is_splat && !are_points) {
+    bool is_named = is_triangle && cut.names_triangles != 0u;
+    is_triangle = is_triangle && !is_named;
+    // Triangles without area cover nothing. Where others may become splats they count among those.
+    if (is_splat && !are_points && cut.names_triangles == 0u) {
         VertexRecord corners_of_leaf[3] = VertexRecord[3](vertices[index.x], vertices[index.y], vertices[index.z]);
         is_splat = patch_of(corners_of_leaf, false).area != 0.0;
     }
@@ -136,7 +140,8 @@ void main() {
     bool is_quad = is_splat && has_own_size && (is_large_splat || are_points) && !fits_point(ball);
     bool is_point = is_splat && !is_quad;
     uint splat = is_point ? atomicAdd(own_splats, 1u) : 0u;
-    uint quad = is_quad ? atomicAdd(own_quads, 1u) : 0u;
+    bool is_last = is_quad || is_named;
+    uint last = is_last ? atomicAdd(own_last, 1u) : 0u;
     bool is_fine = is_triangle && is_for_compute(ball);
     bool is_large = is_triangle && !is_fine;
     uint triangle = is_large ? atomicAdd(own_others, 1u) : 0u;
@@ -144,7 +149,12 @@ void main() {
     barrier();
     if (gl_LocalInvocationIndex == 0u) {
         splats_at = atomicAdd(counters.splats, own_splats);
-        quads_at = atomicAdd(counters.quads, own_quads);
+        // A list has one kind or the other.
+        if (cut.names_triangles != 0u) {
+            last_at = atomicAdd(counters.named, own_last);
+        } else {
+            last_at = atomicAdd(counters.quads, own_last);
+        }
         others_at = atomicAdd(counters.indices, 3u * own_others) / 3u;
         small_at = atomicAdd(counters.small, own_small);
         add_counts();
@@ -153,8 +163,8 @@ void main() {
     if (is_point && splats_at + splat < cut.most_splats) {
         splat_ids[splats_at + splat] = uvec2(id, bits);
     }
-    if (is_quad && quads_at + quad < cut.most_splats) {
-        splat_ids[cut.room - 1u - (quads_at + quad)] = uvec2(id, bits);
+    if (is_last && last_at + last < cut.most_splats) {
+        splat_ids[cut.room - 1u - (last_at + last)] = uvec2(id, bits);
     }
     uint number = is_fine ? small_at + fine : others_at + triangle;
     uint room = uint(indices.length()) / 3u;

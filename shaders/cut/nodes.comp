@@ -111,8 +111,9 @@ void main() {
         is_open = own == 0u;
     }
     bool is_row = own > 1u;
-    // Triangles without area cover nothing.
-    bool has_area = is_there && (cut.are_points != 0u || attributes[id].area != 0.0);
+    // Triangles without area cover nothing. Where triangles may become splats they count among those.
+    bool counts_all = (cut.are_points | cut.names_triangles) != 0u;
+    bool has_area = is_there && (counts_all || attributes[id].area != 0.0);
     own = has_area ? own : 0u;
     uint splat = own > 0u ? atomicAdd(own_splats, own) : 0u;
     uint other = is_open ? atomicAdd(own_others, 1u) : 0u;

@@ -32,5 +32,10 @@ void main() {
     counters.outside = 0u;
     counters.facing_away = 0u;
     counters.small = 0u;
+    counters.named = 0u;
+    counters.named_small = 0u;
+    counters.pieces_within = 0u;
+    counters.pieces_beyond = 0u;
+    counters.are_too_many = 0u;
     root[0] = uvec2(0u, 1u | (cut.start << COUNT_BITS));
 }

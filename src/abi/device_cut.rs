@@ -16,6 +16,8 @@ pub struct CutConstants {
     pub right: [f32; 4],
     /// Up in the picture.
     pub up: [f32; 4],
+    /// Third row of the matrix from model to view space.
+    pub view_row: [f32; 4],
     /// Pixels of a tangent (perspective) or of a unit.
     pub focal: [f32; 2],
     /// The middle of the picture, pixels.
@@ -84,6 +86,14 @@ pub struct CutConstants {
     pub threshold_px: f32,
     /// Largest side of a leaf that is drawn as a point, pixels, without what it is widened by.
     pub largest_px: f32,
+    /// 1 where large triangles are named at the end of the splats, as some may become filtered splats.
+    pub names_triangles: u32,
+    /// 1 where all of those do.
+    pub are_pieces: u32,
+    /// 2 f, pixels of a tangent (perspective) or of a unit of view space.
+    pub view_focal_px: f32,
+    /// Length in view space of a unit vector in model space.
+    pub view_scale: f32,
 }
 
 same_layout!(
@@ -93,6 +103,7 @@ same_layout!(
     forward = FORWARD,
     right = RIGHT,
     up = UP,
+    view_row = VIEW_ROW,
     focal = FOCAL,
     middle = MIDDLE,
     reference = REFERENCE,
@@ -127,10 +138,14 @@ same_layout!(
     twice_focal_px = TWICE_FOCAL_PX,
     threshold_px = THRESHOLD_PX,
     largest_px = LARGEST_PX,
+    names_triangles = NAMES_TRIANGLES,
+    are_pieces = ARE_PIECES,
+    view_focal_px = VIEW_FOCAL_PX,
+    view_scale = VIEW_SCALE,
 );
 
 /// What these passes write beside the lists: the storage block `Counters` there.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct CutCounters {
     /// A draw of all splats that are points: number of vertices and instances, first vertex and instance.
@@ -159,6 +174,28 @@ pub struct CutCounters {
     pub quad_groups: [u32; 3],
     /// A dispatch over the small triangles.
     pub small_groups: [u32; 3],
+    /// Large triangles that may become filtered splats.
+    pub pieces: PieceCounters,
+}
+
+/// Counts of the large triangles of a cut, and what they become.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PieceCounters {
+    /// Number of them.
+    pub named: u32,
+    /// Number of those that are small on the screen.
+    pub small: u32,
+    /// A dispatch over all of them.
+    pub groups: [u32; 3],
+    /// Pieces of those up to the limit, and of the others.
+    pub pieces: [u32; 2],
+    /// 1 where the latter are too many to be counted.
+    pub are_too_many: u32,
+    /// Largest that become splats, pixels.
+    pub taken_px: f32,
+    /// Largest that become several, pixels.
+    pub halved_px: f32,
 }
 
 const _: () = {
@@ -177,6 +214,13 @@ const _: () = {
             && std::mem::offset_of!(CutCounters, splat_groups) == block::SPLAT_GROUPS
             && std::mem::offset_of!(CutCounters, quad_groups) == block::QUAD_GROUPS
             && std::mem::offset_of!(CutCounters, small_groups) == block::SMALL_GROUPS
+            && std::mem::offset_of!(CutCounters, pieces.named) == block::NAMED
+            && std::mem::offset_of!(CutCounters, pieces.small) == block::NAMED_SMALL
+            && std::mem::offset_of!(CutCounters, pieces.groups) == block::NAMED_GROUPS
+            && std::mem::offset_of!(CutCounters, pieces.pieces) == block::PIECES_WITHIN
+            && std::mem::offset_of!(CutCounters, pieces.are_too_many) == block::ARE_TOO_MANY
+            && std::mem::offset_of!(CutCounters, pieces.taken_px) == block::TAKEN_PX
+            && std::mem::offset_of!(CutCounters, pieces.halved_px) == block::HALVED_PX
             && size_of::<CutCounters>() == block::END,
         "abi::CutCounters is not what the shaders have"
     );

@@ -248,7 +248,7 @@ pub(crate) struct LookArgs {
     /// ellipses of --method pop, and blended, filtered and visibility splats of pop and splats
     #[arg(long, value_enum, default_value = "auto")]
     path: PathName,
-    /// Traversal of the tree by the processor or the device; the picture is the same. The device knows all splats of --method pop and splats but filtered ones
+    /// Traversal of the tree by the processor or the device; the picture is the same. The device knows all splats of --method pop and splats
     #[arg(long, value_enum, default_value = "auto")]
     cut_on: CutOnName,
     /// Where the CPU starts when it goes down the tree for a frame; the picture is the same

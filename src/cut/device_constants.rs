@@ -68,6 +68,7 @@ impl NodeTester {
             forward: self.forward_plane(),
             right,
             up,
+            view_row: view.view_from_model.row(2).to_array(),
             focal: centers.focal,
             middle: centers.middle,
             reference: self.reference.to_array(),
@@ -102,6 +103,10 @@ impl NodeTester {
             twice_focal_px: self.twice_focal_px,
             threshold_px: self.threshold_px,
             largest_px: f32::INFINITY,
+            names_triangles: 0,
+            are_pieces: 0,
+            view_focal_px: 2.0 * view.focal_px(),
+            view_scale: view.model_scale,
         }
     }
 }

@@ -302,9 +302,10 @@ impl FramePlan {
             _ => may_use_compute(&settings, outputs, size, capabilities)?,
         };
         let cut_place = cut_place(&settings, &facts, is_one, capabilities)?;
-        // What compute draws of fuzzy splats only the processor makes.
+        // What compute draws of blended splats only the processor makes.
         let is_chosen = cut_place == CutPlace::Device;
-        let may_use_compute = may_use_compute && !(is_chosen && technique == Technique::Fuzzy);
+        let are_summed = matches!(technique, Technique::Fuzzy | Technique::Filtered);
+        let may_use_compute = may_use_compute && !(is_chosen && are_summed);
         let uploads_ids = cut_place != CutPlace::Device
             && uploads_ids(&settings, (&facts, is_one), may_use_compute, capabilities)?;
         let is_whole = settings.method == Method::Splats;
@@ -459,6 +460,14 @@ impl FramePlan {
     /// The records of its splats, where points have at most `max_point_px` pixels.
     pub(crate) fn records(&self, max_point_px: f32) -> RecordFormat {
         RecordFormat::of(self, max_point_px)
+    }
+
+    /// Values that its filtered splats depend on besides model and view; `None` of others.
+    pub(crate) fn filtered_shade(&self) -> Option<filtered::FilteredShade> {
+        match self.records(self.max_point_px) {
+            RecordFormat::Filtered(shade) => Some(shade),
+            _ => None,
+        }
     }
 
     /// Key of the cut of one of its parts.

@@ -287,17 +287,19 @@ pub(crate) fn device_cut_refusal(
     (plan, capabilities): (&SplatPlan, &RendererCapabilities),
 ) -> Option<&'static str> {
     let technique = Technique::of(settings);
-    let have_own_sizes = plan.draws_large_leaves || !facts.kind.is_surface();
+    // Filtered splats are points of any size.
+    let have_own_sizes =
+        (plan.draws_large_leaves || !facts.kind.is_surface()) && technique != Technique::Filtered;
     if !settings.has_cut() {
         Some("methods without a cut choose nothing; use --method pop or splats")
-    } else if technique == Technique::Filtered {
-        Some("which triangles are filtered splats the processor decides; use another --splat")
     } else if technique == Technique::Polygons || settings.drawn_polygons().is_some() {
         Some(
             "oriented polygons are chosen by the processor; leave --error and splats from vertices out",
         )
-    } else if technique == Technique::Fuzzy && settings.path == Path::Compute {
-        Some("what compute draws of fuzzy splats the processor makes; use --path raster")
+    } else if matches!(technique, Technique::Fuzzy | Technique::Filtered)
+        && settings.path == Path::Compute
+    {
+        Some("what compute draws of blended splats the processor makes; use --path raster")
     } else if settings.size != SizeMetric::Exact {
         Some("it knows one measure of size; use --metric exact")
     } else if settings.threshold_px < 1.0 {

@@ -226,6 +226,12 @@ oracles! {
         no_pixel(DepthBits),
         picture_share(Color(1), 1, 5e-2),
     ];
+    /// Filtered splats of such a cut: they are summed in the order of the list, so sums differ in their last places. Nothing more
+    /// was seen; of what a limit decides single pixels may be others.
+    DEVICE_FILTERED: 0, &[
+        no_pixel(DepthBits),
+        picture_share(LOOK, 1, 1e-4),
+    ];
     /// Records that the device made of ids where its roots round otherwise than the host's.
     IDS_ROUNDED: 0, &[
         picture_share(LOOK, 1, 1e-3),

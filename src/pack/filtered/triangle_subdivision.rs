@@ -1,5 +1,6 @@
 //! Which triangles of a cut are drawn as splats, and in how many pieces.
 
+use crate::abi::constants::{LARGEST_PIECED_PX, LEAST_SMALL_SHARE, PIECE_PX, SMALL_PIECED_PX};
 use crate::cut::Cut;
 use crate::math::camera::View;
 use crate::pack::filtered::FilteredShade;
@@ -7,15 +8,6 @@ use crate::pack::filtered::FilteredShade;
 use crate::pack::filtered::splats;
 use crate::tree::Model;
 
-/// Where most triangles have at most this diameter, triangles are drawn as splats: one sample a pixel says little of the
-/// area of such a triangle.
-const SMALL_PX: f32 = 3.0;
-/// The largest triangles that are, then. Single larger ones would leave pixels of both kinds.
-pub(super) const LARGEST_PX: f32 = 4.0 * PIECE_PX;
-/// Pieces of triangles have at most this diameter: edges are halved until they do, which makes four of each.
-const PIECE_PX: f32 = 1.5;
-/// The share of a cut's triangles that must be small for that. A pixel of both kinds is less exact than one of either.
-const LEAST_SMALL: f32 = 0.9;
 /// An edge that is halved more often would be wider than any picture.
 const MOST_CUTS: u32 = 15;
 
@@ -78,15 +70,15 @@ fn taken(
 ) -> TakenTriangles {
     let count = |&leaf: &u32| {
         let px = diameter_px(model, leaf, view);
-        let is_large = usize::from(px > LARGEST_PX);
+        let is_large = usize::from(px > LARGEST_PIECED_PX);
         let halved_px = if shade.splats_only {
-            LARGEST_PX
+            LARGEST_PIECED_PX
         } else {
             f32::INFINITY
         };
         let mut pieces = [0; 2];
         pieces[is_large] = 1_usize << (2 * cuts(px, shade, halved_px));
-        (usize::from(px <= SMALL_PX), is_large, pieces)
+        (usize::from(px <= SMALL_PIECED_PX), is_large, pieces)
     };
     let all = cut.triangles.len();
     let counts = cut.triangles.iter().map(count);
@@ -96,22 +88,22 @@ fn taken(
     if shade.splats_only {
         return TakenTriangles {
             largest_px: f32::INFINITY,
-            halved_px: LARGEST_PX,
+            halved_px: LARGEST_PIECED_PX,
             splats: within + beyond,
             left: 0,
         };
     }
-    let some = if small as f32 >= LEAST_SMALL * all as f32 {
+    let some = if small as f32 >= LEAST_SMALL_SHARE * all as f32 {
         TakenTriangles {
-            largest_px: LARGEST_PX,
-            halved_px: LARGEST_PX,
+            largest_px: LARGEST_PIECED_PX,
+            halved_px: LARGEST_PIECED_PX,
             splats: within,
             left: large,
         }
     } else {
         TakenTriangles {
             largest_px: 0.0,
-            halved_px: LARGEST_PX,
+            halved_px: LARGEST_PIECED_PX,
             splats: 0,
             left: all,
         }

@@ -166,15 +166,17 @@ fn the_device_chooses_cuts_where_it_is_asked_or_sooner() {
         path,
         ..square(CutOn::Device)
     };
-    // What compute draws of fuzzy splats only the processor makes.
-    let gauss = planned(&of(SplatKind::Gauss, Path::Auto), &CARD).unwrap();
-    assert_eq!(gauss.cut_place, CutPlace::Device);
-    assert!(!gauss.may_use_compute && !gauss.draws_cut_by_compute);
+    // What compute draws of blended splats only the processor makes.
+    for splat in [SplatKind::Gauss, SplatKind::Filtered] {
+        let blended = planned(&of(splat, Path::Auto), &CARD).unwrap();
+        assert_eq!(blended.cut_place, CutPlace::Device);
+        assert!(!blended.may_use_compute && !blended.draws_cut_by_compute);
+    }
     let visibility = planned(&of(SplatKind::Visibility, Path::Compute), &CARD).unwrap();
     assert!(visibility.draws_cut_by_compute);
     for (refused, word) in [
         (of(SplatKind::Gauss, Path::Compute), "--path raster"),
-        (of(SplatKind::Filtered, Path::Auto), "another --splat"),
+        (of(SplatKind::Filtered, Path::Compute), "--path raster"),
     ] {
         let error = planned(&refused, &CARD).unwrap_err().to_string();
         assert!(

@@ -6,14 +6,17 @@
 //! their list those of a few pixels, from its end the others; last it counts. Points of a cloud, and triangles where they are
 //! splats too, have sizes of their own: those that may be too large for a point are listed from the end, and are quads.
 //! `lists.splats` ([`crate::render::vulkan::expand_ids`]) makes the records of a technique of the numbers, and its own passes
-//! draw them, by arguments that were left beside the lists. Related: Schütz, Kerbl and Wimmer, *Rendering Point Clouds with Compute Shaders
+//! draw them, by arguments that were left beside the lists. Of filtered splats `lists.filtered` does, and pass `cut.pieces`
+//! ([`pieces`]) decides about triangles before it. Related: Schütz, Kerbl and Wimmer, *Rendering Point Clouds with Compute Shaders
 //! and Vertex Order Optimization* (2021), where nodes are chosen on the device too.
 //!
 //! It chooses what the host chooses, by the same operations in the same order; but for triangles that single precision
-//! takes for edge-on, which stay. Room is for the worst case, so that nothing is ever lost. What is hidden is not looked for,
-//! and lists are in no order: of two equal depths another may win.
+//! takes for edge-on, which stay. Room is for the worst case (of pieces see [`pieces`]), so that nothing is ever lost. What is
+//! hidden is not looked for, and lists are in no order: of two equal depths another may win.
 
-use crate::abi::{CutConstants, CutCounters, SplatId, shaders};
+mod pieces;
+
+use crate::abi::{CutConstants, CutCounters, FilteredConstants, SplatId, shaders};
 use crate::cut;
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{BufferUsage, DeviceBuffer, ReadbackBuffer};
@@ -22,11 +25,13 @@ use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::pack::Footprint;
+use crate::pack::filtered::FilteredShade;
 use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
 use crate::render::cut_key::CutKey;
 use crate::render::frame_plan::FramePlan;
 use crate::render::pack_params::splat_plan;
 use crate::render::technique::Technique;
+use crate::render::vulkan::device_cut::pieces::{PieceLists, PiecePipelines};
 use crate::render::vulkan::device_tree;
 use crate::render::vulkan::device_tree::{DeviceTree, SceneTree};
 use crate::render::vulkan::expand_ids::{ChosenIds, ExpandedKind};
@@ -71,12 +76,14 @@ struct ChoicePipelines {
     next: ShaderPipeline,
     leaves: ShaderPipeline,
     close: ShaderPipeline,
+    /// Of triangles that may become filtered splats, where there are any.
+    pieces: Option<PiecePipelines>,
 }
 
 impl ChoicePipelines {
     /// # Errors
     /// When a Vulkan call fails.
-    fn new(gpu: &Arc<Gpu>) -> Result<Self, Error> {
+    fn new(gpu: &Arc<Gpu>, has_pieces: bool) -> Result<Self, Error> {
         let pipeline = |name, shader| ShaderPipeline::compute(gpu, name, shader, &[]);
         Ok(Self {
             start: pipeline("cut.start", &shaders::CUT_START_COMP)?,
@@ -84,6 +91,7 @@ impl ChoicePipelines {
             next: pipeline("cut.next", &shaders::CUT_NEXT_COMP)?,
             leaves: pipeline("cut.leaves", &shaders::CUT_LEAVES_COMP)?,
             close: pipeline("cut.close", &shaders::CUT_CLOSE_COMP)?,
+            pieces: has_pieces.then(|| PiecePipelines::new(gpu)).transpose()?,
         })
     }
 }
@@ -111,13 +119,27 @@ pub(crate) struct ChoiceRules {
     pub(crate) are_oriented: bool,
     /// Largest side of a leaf that is drawn as a point, pixels, without what it is widened by.
     pub(crate) largest_px: f32,
+    /// Large triangles become filtered splats.
+    pub(crate) are_pieces: bool,
 }
+
+/// Constants of the passes that make the lists of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ChoiceConstants {
+    pub(crate) cut: CutConstants,
+    /// Eye that sees filtered splats, where those are drawn.
+    pub(crate) eye: Option<FilteredConstants>,
+}
+
+/// Side that no leaf has, pixels: filtered splats are points, whatever their size. Times a distance it is a number still.
+const ANY_SIDE_PX: f32 = 1e24;
 
 impl ChoiceRules {
     /// Rules of a planned frame.
     pub(crate) fn of(plan: &FramePlan) -> Self {
         let settings = &plan.settings;
         let splats = splat_plan(settings, plan.max_point_px);
+        let are_filtered = plan.technique == Technique::Filtered;
         Self {
             threshold_px: settings.threshold_px,
             // Compute draws no triangles beside visibility splats.
@@ -125,9 +147,13 @@ impl ChoiceRules {
             // Points of a cloud are no surface that others would close, and where leaves have sizes of their own the processor
             // asks no centers either.
             are_samples: plan.cut.needs_undrawn() && !plan.primitives.has_large_splats,
-            draws_large_leaves: splats.draws_large_leaves,
+            draws_large_leaves: splats.draws_large_leaves && !are_filtered,
             are_oriented: splats.footprint == Footprint::Oriented,
-            largest_px: splats.largest_side_px(),
+            largest_px: match are_filtered {
+                true => ANY_SIDE_PX,
+                false => splats.largest_side_px(),
+            },
+            are_pieces: splats.draws_large_leaves && are_filtered,
         }
     }
 }
@@ -143,6 +169,8 @@ pub(crate) struct ChosenKey {
     cut: CutKey,
     kind: ExpandedKind,
     by_compute: bool,
+    /// Values that records of filtered splats depend on besides.
+    shade: Option<FilteredShade>,
 }
 
 impl ChosenKey {
@@ -153,6 +181,7 @@ impl ChosenKey {
             cut: plan.cut,
             kind: ExpandedKind::of(plan),
             by_compute: plan.draws_cut_by_compute,
+            shade: plan.filtered_shade(),
         }
     }
 }
@@ -165,11 +194,12 @@ fn bytes_of<T>(count: usize) -> u64 {
 impl DeviceCut {
     /// Tells whether its lists have room for cuts of the scene, as records of a kind.
     pub(crate) fn is_of(&self, scene: &DeviceScene, kind: ExpandedKind) -> bool {
-        let members = |kind: ExpandedKind| (kind.have_areas, kind.have_quads);
+        let members = |kind: ExpandedKind| (kind.have_areas, kind.have_quads, kind.are_filtered);
         self.scene == scene.id() && members(self.kind) == members(kind)
     }
 
-    /// Makes room for the largest cut there is of a tree, as records of a kind. `slots`: frames in flight.
+    /// Makes room for the largest cut there is of a tree, as records of a kind, and of filtered splats for pieces of triangles in
+    /// a picture of so many pixels. `slots`: frames in flight.
     ///
     /// # Errors
     /// When it does not fit, or a Vulkan call fails.
@@ -177,11 +207,18 @@ impl DeviceCut {
         gpu: &Arc<Gpu>,
         on: SceneTree<'_>,
         model: &Model,
-        (kind, slots): (ExpandedKind, usize),
+        (kind, pixels, slots): (ExpandedKind, u64, usize),
     ) -> Result<Self, Error> {
         let tree = &model.tree;
-        let most_splats = cut::most_splats(model);
         let most_triangles = model.triangles.len();
+        let has_pieces = kind.are_filtered && model.kind().is_surface();
+        let mut most_splats = cut::most_splats(model);
+        if has_pieces {
+            let records =
+                device_tree::most_bound(gpu).saturating_sub(ALIGNMENT_ROOM) / kind.bytes() as u64;
+            let room = (pixels, records.saturating_sub(SPARE_RECORDS));
+            most_splats += pieces::most_pieces(most_splats, most_triangles as u64, room);
+        }
         let groups = (0..tree.level_count()).map(|level| tree.level(level).len());
         let queue = bytes_of::<[u32; 2]>(groups.max().unwrap_or(0));
         let ids = (most_splats + SPARE_RECORDS) * size_of::<SplatId>() as u64;
@@ -219,7 +256,7 @@ impl DeviceCut {
                 count: 3 * (most_triangles as u32 + SPARE_RECORDS as u32),
             }],
             counters: list("counts of the device's cut", counters)?,
-            pipelines: ChoicePipelines::new(gpu)?,
+            pipelines: ChoicePipelines::new(gpu, has_pieces)?,
             read: (0..slots)
                 .map(|slot| {
                     let name = format!("counts of the cut of frame {slot}");
@@ -250,11 +287,13 @@ impl DeviceCut {
             are_oriented: u32::from(rules.are_oriented),
             room: self.room(),
             largest_px: rules.largest_px,
+            names_triangles: u32::from(self.pipelines.pieces.is_some()),
+            are_pieces: u32::from(rules.are_pieces),
             ..usual
         }
     }
 
-    /// Passes `cut.tree` and `cut.leaves`: replaces the lists.
+    /// Passes `cut.tree`, `cut.leaves` and, where triangles may become filtered splats, `cut.pieces`: replaces the lists.
     pub(crate) fn choose(
         &self,
         frame: &mut FrameRecorder<'_>,
@@ -264,6 +303,15 @@ impl DeviceCut {
         self.choose_nodes(frame, on.tree, constants);
         if let [page] = on.scene.pages.as_slice() {
             self.choose_leaves(frame, on.tree, page, constants);
+            if let Some(pieces) = &self.pipelines.pieces {
+                let lists = PieceLists {
+                    counters: &self.counters,
+                    ids: &self.ids,
+                    indices: &self.indices,
+                    close: &self.pipelines.close,
+                };
+                pieces.record(frame, on.tree, lists, constants);
+            }
             self.count(frame);
         }
     }

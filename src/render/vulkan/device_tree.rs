@@ -198,11 +198,16 @@ pub(crate) fn page_of(scene: &DeviceScene) -> Result<&ScenePage, Error> {
     }
 }
 
+/// Bytes of the largest buffer that can be bound as storage.
+pub(crate) fn most_bound(gpu: &Gpu) -> u64 {
+    let info = gpu.info();
+    info.max_storage_range.min(info.max_buffer)
+}
+
 /// # Errors
 /// When one of so many bytes is too large to be bound as storage.
 pub(crate) fn fits_bindings(gpu: &Gpu, bytes: impl IntoIterator<Item = u64>) -> Result<(), Error> {
-    let info = gpu.info();
-    let limit = info.max_storage_range.min(info.max_buffer);
+    let limit = most_bound(gpu);
     match bytes.into_iter().all(|bytes| bytes <= limit) {
         true => Ok(()),
         false => Err(too_large(

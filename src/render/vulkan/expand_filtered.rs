@@ -13,11 +13,12 @@ use crate::abi::constants::FLAG_CULLS_BACK;
 use crate::abi::specialization::HAVE_TRIANGLES;
 use crate::abi::{FilteredConstants, FilteredSplat, ListConstants, SplatId, shaders};
 use crate::gpu::bind::BufferSlice;
-use crate::gpu::buffer::{DeviceBuffer, UploadBuffer};
+use crate::gpu::buffer::{AnyBuffer, DeviceBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::device_tree::{SceneTree, page_of};
+use crate::render::vulkan::raster_pass::ListArguments;
 use std::sync::Arc;
 
 /// Pipeline of the pass, for frames with the same flags.
@@ -30,8 +31,11 @@ pub(super) struct FilteredExpansion {
 /// Numbers of filtered splats, and the room for their records.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NamedFiltered<'a> {
-    pub(super) ids: &'a UploadBuffer,
+    pub(super) ids: &'a dyn AnyBuffer,
     pub(super) count: usize,
+    /// A dispatch over the numbers, where the device chose them; then `count` is what there is room for, and copies of the
+    /// first number fill the last workgroups up.
+    pub(super) groups: Option<ListArguments<'a>>,
     pub(super) records: &'a DeviceBuffer,
     pub(super) eye: &'a FilteredConstants,
 }
@@ -79,6 +83,7 @@ impl FilteredExpansion {
         let NamedFiltered {
             ids,
             count,
+            groups,
             records,
             eye,
         } = named;
@@ -110,10 +115,16 @@ impl FilteredExpansion {
             attributes,
             BufferSlice::whole(moments),
         ];
-        let pass = pass.storage_read(moments).storage(records);
+        pass = pass.storage_read(moments).storage(records);
+        if let Some(groups) = groups {
+            pass = pass.group_arguments(groups.buffer);
+        }
         pass.compute(|compute| {
             compute.bind(&self.pipeline, &[of_frame, list, eye], &bound);
-            compute.items(count as u32);
+            match groups {
+                Some(groups) => compute.groups_from(groups.buffer, groups.offset),
+                None => compute.items(count as u32),
+            }
         });
         Ok(())
     }

@@ -7,7 +7,9 @@
 //! ([`crate::render::vulkan::expand_filtered`]); those of fuzzy ones that compute draws come from the host.
 
 use crate::abi::specialization::{ARE_ORIENTED, HAVE_AREAS, HAVE_TRIANGLES};
-use crate::abi::{ListConstants, Splat, SplatId, WeightedSplat, shaders};
+use crate::abi::{
+    FilteredConstants, FilteredSplat, ListConstants, Splat, SplatId, WeightedSplat, shaders,
+};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{AnyBuffer, DeviceBuffer, UploadBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
@@ -50,6 +52,17 @@ pub(crate) struct ExpandedKind {
     pub(crate) have_areas: bool,
     /// Sizes of their own, which may be too large for points.
     pub(crate) have_quads: bool,
+    /// Filtered splats, which have no other members.
+    pub(crate) are_filtered: bool,
+}
+
+/// Frame that sees splats which the device chose.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ExpansionFrame<'a> {
+    pub(super) context: &'a Context,
+    pub(super) constants: UniformBlock,
+    /// Eye that sees filtered splats.
+    pub(super) eye: Option<&'a FilteredConstants>,
 }
 
 /// Numbers of splats that the device chose, and where their records go.
@@ -68,18 +81,22 @@ pub(super) struct ChosenIds<'a> {
 impl ExpandedKind {
     /// Kind that a planned frame draws.
     pub(crate) fn of(plan: &FramePlan) -> Self {
+        // They are points however large.
+        let are_filtered = plan.technique == Technique::Filtered;
         Self {
             are_oriented: plan.settings.footprint() == Footprint::Oriented,
             have_areas: plan.technique == Technique::Fuzzy,
-            have_quads: plan.primitives.has_large_splats,
+            have_quads: plan.primitives.has_large_splats && !are_filtered,
+            are_filtered,
         }
     }
 
     /// Bytes of one.
     pub(super) fn bytes(self) -> usize {
-        match self.have_areas {
-            true => size_of::<WeightedSplat>(),
-            false => size_of::<Splat>(),
+        match (self.are_filtered, self.have_areas) {
+            (true, _) => size_of::<FilteredSplat>(),
+            (false, true) => size_of::<WeightedSplat>(),
+            (false, false) => size_of::<Splat>(),
         }
     }
 
@@ -172,6 +189,7 @@ impl IdExpansion {
                 let named = NamedFiltered {
                     ids: splats,
                     count: held.packed.points,
+                    groups: None,
                     records: &whole.splats,
                     eye,
                 };
@@ -191,7 +209,7 @@ impl IdExpansion {
         self.triangles(frame, on.tree, triangles, constants)
     }
 
-    /// Pass `lists.splats`: writes the records of numbers that the device chose.
+    /// Pass `lists.splats` or `lists.filtered`: writes the records of numbers that the device chose.
     ///
     /// # Errors
     /// When the scene lies in several pages, or the frame has no room for constants.
@@ -200,8 +218,19 @@ impl IdExpansion {
         frame: &mut FrameRecorder<'_>,
         on: SceneTree<'_>,
         (chosen, kind): (ChosenIds<'_>, ExpandedKind),
-        context: &Context,
+        seen: ExpansionFrame<'_>,
     ) -> Result<(), Error> {
+        let constants = storage_ranges::constants(seen.context);
+        if let (Some(eye), Some(filtered)) = (seen.eye, &self.filtered) {
+            let named = NamedFiltered {
+                ids: chosen.ids,
+                count: chosen.room as usize,
+                groups: Some(chosen.groups),
+                records: chosen.records,
+                eye,
+            };
+            return filtered.record(frame, on, named, (seen.constants, constants));
+        }
         let ChosenIds {
             ids,
             records,
@@ -209,7 +238,6 @@ impl IdExpansion {
             groups,
             quads,
         } = chosen;
-        let constants = storage_ranges::constants(context);
         let (constants, _) = part(frame, constants, 0, room as usize)?;
         let in_tree = on.tree.buffers_of_splats(page_of(on.scene)?);
         let mut pass = frame.pass("lists.splats").storage_read(ids);
@@ -499,6 +527,7 @@ mod tests {
                             are_oriented: footprint == Footprint::Oriented,
                             have_areas,
                             have_quads: false,
+                            are_filtered: false,
                         };
                         let list = (&named[..], packed);
                         let device = made(&gpu, (&model, &scene), list, kind);

@@ -79,8 +79,8 @@ struct ByCompute {
 pub(crate) struct FilteredLists<'a> {
     /// All of it, as the rasterizer draws it.
     pub(crate) raster: RasterList<'a>,
-    /// The same splats and small triangles for compute.
-    pub(crate) small: compute::ComputeInput<'a>,
+    /// The same splats and small triangles for compute, where it draws any.
+    pub(crate) small: Option<compute::ComputeInput<'a>>,
 }
 
 impl FilteredPasses {
@@ -219,7 +219,8 @@ impl FilteredPasses {
         constants: UniformBlock,
     ) -> Result<(), Error> {
         let all = &list.raster;
-        let (Some(by_compute), ComputeShare::Small | ComputeShare::All) = (&self.by_compute, share)
+        let (Some(by_compute), Some(small), ComputeShare::Small | ComputeShare::All) =
+            (&self.by_compute, list.small, share)
         else {
             self.raster_depth(frame, targets, all, &self.depth_splats, context, constants);
             self.raster_blend(frame, targets, all, &self.blend_splats, context, constants);
@@ -244,7 +245,7 @@ impl FilteredPasses {
             },
         };
         let rastered = ((!large.is_empty()).then_some(&rastered), &self.sums);
-        twin.record(frame, targets, list.small, rastered, context, constants)
+        twin.record(frame, targets, small, rastered, context, constants)
     }
 
     /// Pass `filtered.depth` by the rasterizer: the pushed depth of splats, that of triangles.

@@ -1,6 +1,8 @@
 //! Tests of the cut on the device: the lists are those of the processor, item by item.
 #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
+mod filtered;
+
 use super::*;
 use crate::abi::{Splat, WeightedSplat};
 use crate::cut::{Cut, CutSelector};
@@ -9,15 +11,16 @@ use crate::gpu::buffer::AnyBuffer as _;
 use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::frame::FrameRing;
 use crate::math::camera::View;
+use crate::pack::filtered::device_constants;
 use crate::pack::splats;
 use crate::progress::SilentProgress;
 use crate::render::capabilities::RendererCapabilities;
 use crate::render::cut_key::cut_settings;
-use crate::render::frame_constants::FrameContext;
+use crate::render::frame_constants::{FrameContext, frame_constants};
 use crate::render::model_facts::DrawnFacts;
 use crate::render::pack_params::splat_plan;
 use crate::render::supported::device_cut_refusal;
-use crate::render::vulkan::expand_ids::IdExpansion;
+use crate::render::vulkan::expand_ids::{ExpansionFrame, IdExpansion};
 use crate::render::{Culling, CutOn, Method, Settings, SplatKind};
 use crate::tree::{self, BuildOptions};
 
@@ -61,6 +64,10 @@ struct AskedCut<'a> {
     kind: ExpandedKind,
     rules: ChoiceRules,
     max_point_px: f32,
+    /// Of filtered splats.
+    shade: Option<FilteredShade>,
+    /// Of the picture, as room for pieces of triangles is made.
+    pixels: u64,
 }
 
 /// Lists that a cut on the device left.
@@ -83,13 +90,23 @@ fn chosen<R: bytemuck::Pod + PartialEq + std::fmt::Debug>(
         settings,
         kind,
         rules,
+        shade,
+        pixels,
         ..
     } = asked;
     let mut frames = FrameRing::new(gpu, 1, false).unwrap();
-    let tree = DeviceTree::new(gpu, model, scene).unwrap();
-    let expansion = IdExpansion::new(gpu, model.kind().is_surface()).unwrap();
+    let facts = DrawnFacts::from(model);
+    let context = FrameContext::new(&facts, view, settings, 1.0, 0);
+    let of_frame = frame_constants(view, settings, &context);
+    let eye = shade.map(|shade| device_constants(view, shade));
+    let mut tree = DeviceTree::new(gpu, model, scene).unwrap();
+    let mut expansion = IdExpansion::new(gpu, model.kind().is_surface()).unwrap();
+    if kind.are_filtered {
+        tree.add_moments(gpu, model).unwrap();
+        expansion.ensure_filtered(gpu, of_frame.flags).unwrap();
+    }
     let on = SceneTree { tree: &tree, scene };
-    let mut cut = DeviceCut::new(gpu, on, model, (kind, 1)).unwrap();
+    let mut cut = DeviceCut::new(gpu, on, model, (kind, pixels, 1)).unwrap();
     let mut splats = ReadbackBuffer::new(gpu, "splats", cut.records.bytes()).unwrap();
     let mut corners = ReadbackBuffer::new(gpu, "corners", cut.indices.bytes()).unwrap();
     let tester = cut::NodeTester::new(model, view, &cut_settings(settings, model));
@@ -98,12 +115,14 @@ fn chosen<R: bytemuck::Pod + PartialEq + std::fmt::Debug>(
         let mut frame = frames.begin().unwrap();
         let constants = frame.uniform(&cut.constants(&tester, view, rules)).unwrap();
         cut.choose(&mut frame, on, constants);
-        let facts = (&DrawnFacts::from(model), view);
-        let context = FrameContext::new(facts.0, facts.1, settings, 1.0, 0);
         let ids = (cut.chosen_ids(), kind);
-        expansion
-            .record_chosen(&mut frame, on, ids, &context)
-            .unwrap();
+        let block = frame.uniform(&of_frame).unwrap();
+        let seen = ExpansionFrame {
+            context: &context,
+            constants: block,
+            eye: eye.as_ref(),
+        };
+        expansion.record_chosen(&mut frame, on, ids, seen).unwrap();
         frame.read_back_buffer("splats", &cut.records, &splats);
         frame.read_back_buffer("corners", &cut.indices, &corners);
         let ticket = frame.submit().unwrap();
@@ -291,7 +310,9 @@ fn views_of(model: &Model) -> Vec<View> {
         .map(|(fill, step)| orbit(model, (320, 200), fill, step))
         .to_vec();
     let mut camera = model.orbit_step((320, 200), 0.5, 4, 5);
-    let (wide, near, far) = (0.6 / f64::from(model.orbit_radius), 0.01, 100.0);
+    // A single point has no size.
+    let radius = f64::from(model.orbit_radius).max(0.1);
+    let (wide, near, far) = (0.6 / radius, 0.01, 100.0);
     camera.proj = glam::DMat4::from_cols(
         glam::DVec4::X * wide,
         glam::DVec4::Y * wide * 1.2,
@@ -371,6 +392,7 @@ fn the_device_chooses_what_the_host_chooses() {
                         are_oriented: !is_plain,
                         have_areas,
                         have_quads,
+                        are_filtered: false,
                     },
                     rules: ChoiceRules {
                         threshold_px,
@@ -379,8 +401,11 @@ fn the_device_chooses_what_the_host_chooses() {
                         draws_large_leaves: method == Method::Splats,
                         are_oriented: !is_plain,
                         largest_px: plan.largest_side_px(),
+                        are_pieces: false,
                     },
                     max_point_px,
+                    shade: None,
+                    pixels: 1,
                 };
                 let of_model = (&model, &scene, &undrawn);
                 let found = match have_areas {

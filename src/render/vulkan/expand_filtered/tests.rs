@@ -4,7 +4,7 @@
 use super::*;
 use crate::cut::{Cut, CutSelector};
 use crate::generate::{self, GeneratedShape, ShapeSpec};
-use crate::gpu::buffer::{BufferUsage, ReadbackBuffer};
+use crate::gpu::buffer::{BufferUsage, ReadbackBuffer, UploadBuffer};
 use crate::gpu::device::DeviceKind as Device;
 use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::frame::FrameRing;
@@ -142,6 +142,7 @@ impl FilteredCase<'_> {
         let named = NamedFiltered {
             ids: &list,
             count: ids.len(),
+            groups: None,
             records: &out,
             eye: &filtered::device_constants(self.view, self.shade()),
         };

@@ -1,6 +1,5 @@
 //! Frames of the methods that draw a cut: its draw lists are written into mapped memory, then drawn.
 
-use crate::abi::CutConstants;
 use crate::gpu::Error;
 use crate::gpu::frame::{FrameRecorder, FrameTicket, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
@@ -18,10 +17,10 @@ use crate::render::vulkan::blended::compute as blended_compute;
 use crate::render::vulkan::blended::filtered::FilteredPasses;
 use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::blended::{filtered, fuzzy};
-use crate::render::vulkan::device_cut::DeviceCut;
+use crate::render::vulkan::device_cut::{ChoiceConstants, DeviceCut};
 use crate::render::vulkan::device_tree::SceneTree;
 use crate::render::vulkan::draw_lists::{DrawLists, PackInput, PackedFrame};
-use crate::render::vulkan::expand_ids::ExpandedKind;
+use crate::render::vulkan::expand_ids::{ExpandedKind, ExpansionFrame};
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
@@ -197,10 +196,15 @@ impl VulkanRenderer {
                     by_id.record(&mut frame, on, (lists, kind), &plan.context, constants)?;
                 }
                 (CutLists::Chosen(cut, _), ListPlace::Device(Some(tests))) => {
-                    let tests = frame.uniform(tests)?;
-                    cut.choose(&mut frame, on, tests);
+                    let of_cut = frame.uniform(&tests.cut)?;
+                    cut.choose(&mut frame, on, of_cut);
                     let chosen = (cut.chosen_ids(), kind);
-                    by_id.record_chosen(&mut frame, on, chosen, &plan.context)?;
+                    let seen = ExpansionFrame {
+                        context: &plan.context,
+                        constants,
+                        eye: tests.eye.as_ref(),
+                    };
+                    by_id.record_chosen(&mut frame, on, chosen, seen)?;
                 }
                 (CutLists::Chosen(cut, _), _) => cut.count(&mut frame),
             }
@@ -221,7 +225,7 @@ pub(super) enum ListPlace<'a> {
     /// Mapped memory of a slot.
     Slot(usize),
     /// Memory of the device, and constants that choose its cut; none where the lists of the last frame stay.
-    Device(Option<&'a CutConstants>),
+    Device(Option<&'a ChoiceConstants>),
 }
 
 /// Lists of a frame.
@@ -286,13 +290,14 @@ impl<'a> CutPasses<'a> {
                 fuzzy.record(frame, targets, list, context, constants)?;
             }
             (Technique::Filtered, _, Some(filtered), _) => {
-                let CutLists::Packed(lists, held, share) = self.lists else {
-                    unreachable!("the device chooses no filtered splats")
+                let (small, share) = match self.lists {
+                    CutLists::Packed(lists, held, share) => {
+                        let small = self.blended_by_compute(lists, held.packed.points);
+                        (Some(small), share)
+                    }
+                    CutLists::Chosen(..) => (None, ComputeShare::Nothing),
                 };
-                let list = filtered::FilteredLists {
-                    raster,
-                    small: self.blended_by_compute(lists, held.packed.points),
-                };
+                let list = filtered::FilteredLists { raster, small };
                 filtered.record(frame, targets, list, share, context, constants)?;
             }
             (Technique::Visibility, .., Some(visibility)) => {

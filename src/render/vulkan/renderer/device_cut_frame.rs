@@ -3,10 +3,11 @@
 use crate::cut::NodeTester;
 use crate::gpu::Error;
 use crate::gpu::frame::FrameTicket;
+use crate::pack::filtered::device_constants;
 use crate::render::cut_key::cut_settings;
 use crate::render::model_facts::FactedModel;
 use crate::render::stats::{FrameStage, KeptWork};
-use crate::render::vulkan::device_cut::{ChoiceRules, ChosenKey};
+use crate::render::vulkan::device_cut::{ChoiceConstants, ChoiceRules, ChosenKey};
 use crate::render::vulkan::renderer::cut_frame::ListPlace;
 use crate::render::vulkan::renderer::{FrameEnding, FrameTimes, PlannedFrame, VulkanRenderer};
 
@@ -32,7 +33,10 @@ impl VulkanRenderer {
         let rules = ChoiceRules::of(plan);
         let tests = (!is_kept).then(|| {
             let tester = NodeTester::new(model, &plan.view, &cut_settings(&plan.settings, model));
-            cut.constants(&tester, &plan.view, rules)
+            ChoiceConstants {
+                cut: cut.constants(&tester, &plan.view, rules),
+                eye: (plan.filtered_shade()).map(|shade| device_constants(&plan.view, shade)),
+            }
         });
         self.held_on_device = None;
         let ticket = self.record_cut(drawn, ListPlace::Device(tests.as_ref()), end)?;

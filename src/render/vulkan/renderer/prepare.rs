@@ -246,16 +246,15 @@ impl VulkanRenderer {
             self.too_large[1] = Some(scene.id());
             return Ok(false);
         }
-        if plan.cut_place == CutPlace::Device || plan.uploads_ids {
+        let has_ids = plan.cut_place == CutPlace::Device || plan.uploads_ids;
+        if has_ids {
             let has_triangles = model.kind().is_surface();
             let is_of = |made: &IdExpansion| made.is_of(has_triangles);
             if !self.by_id.as_ref().is_some_and(is_of) {
                 self.by_id = Some(IdExpansion::new(&self.gpu, has_triangles)?);
             }
         }
-        if plan.uploads_ids
-            && let Some(by_id) = &mut self.by_id
-        {
+        if has_ids && let Some(by_id) = &mut self.by_id {
             match plan.technique {
                 Technique::Filtered => by_id.ensure_filtered(&self.gpu, plan.constants.flags)?,
                 Technique::Polygons => by_id.ensure_patches(&self.gpu)?,
@@ -292,10 +291,15 @@ impl VulkanRenderer {
         }
         // Its memory first.
         (self.device_cut, self.held_on_device) = (None, None);
-        let slots = self.frames.in_flight();
+        let color = &self.targets.color;
+        let pixels = u64::from(color.width) * u64::from(color.height);
+        let room = (kind, pixels, self.frames.in_flight());
         let gpu = self.gpu.clone();
         let tree = self.tree_on_device(model, scene)?;
-        let cut = DeviceCut::new(&gpu, SceneTree { tree, scene }, model, (kind, slots))?;
+        if kind.are_filtered {
+            tree.add_moments(&gpu, model)?;
+        }
+        let cut = DeviceCut::new(&gpu, SceneTree { tree, scene }, model, room)?;
         self.device_cut = Some(cut);
         Ok(())
     }

@@ -119,7 +119,7 @@ fn picture(
             triangles: RasterTriangles::Nothing,
             splats: RasterSplats::Records(SplatRecords::packed(&list, packed, splats.len())),
         },
-        small: ComputeInput {
+        small: Some(ComputeInput {
             splats: &list,
             splat_count: splats.len() as u32,
             triangles: TriangleRanges {
@@ -127,7 +127,7 @@ fn picture(
                 corners: &indices,
                 runs: &[],
             },
-        },
+        }),
     };
     filtered
         .record(
