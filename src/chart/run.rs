@@ -63,7 +63,7 @@ impl ChartPlan {
     /// The choices for a model on a device; patches where the model has their records, splats from vertices where those are not
     /// millions: all are kept in memory.
     pub fn choices(&self, model: &Model, backend: &Backend) -> Vec<DrawConfiguration> {
-        let patches = model.patches.is_some() && model.textures.is_none();
+        let patches = model.patches.is_some();
         let vertices = model.vertices.len() <= MOST_SPLAT_VERTICES;
         let ways = match backend.device() {
             Some(gpu) => AvailablePaths {
