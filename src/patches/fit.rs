@@ -5,8 +5,8 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 /// A little of the spread is added where it has no extent across, so that needles do not extrapolate.
 const RIDGE: f64 = 1e-4;
 
-/// The same for what is the same linear map on each side of a triangle, as texture coordinates are: only what rounding leaves
-/// of needles has no extent.
+/// Ridge for values that are linear over each triangle, as texture coordinates are: only what rounding leaves of needles has no
+/// extent.
 const LEAST_RIDGE: f64 = 1e-9;
 
 /// A corner as the fit sees it.

@@ -76,7 +76,7 @@ struct ChoicePipelines {
     next: ShaderPipeline,
     leaves: ShaderPipeline,
     close: ShaderPipeline,
-    /// Of triangles that may become filtered splats, where there are any.
+    /// Pipelines for triangles that may become filtered splats, where there are any.
     pieces: Option<PiecePipelines>,
 }
 

@@ -79,7 +79,7 @@ struct ByCompute {
 pub(crate) struct FilteredLists<'a> {
     /// All of it, as the rasterizer draws it.
     pub(crate) raster: RasterList<'a>,
-    /// The same splats and small triangles for compute, where it draws any.
+    /// Splats and small triangles for compute, where it draws any.
     pub(crate) small: Option<compute::ComputeInput<'a>>,
 }
 

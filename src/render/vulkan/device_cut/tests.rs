@@ -64,9 +64,9 @@ struct AskedCut<'a> {
     kind: ExpandedKind,
     rules: ChoiceRules,
     max_point_px: f32,
-    /// Of filtered splats.
+    /// Light and colors of filtered splats.
     shade: Option<FilteredShade>,
-    /// Of the picture, as room for pieces of triangles is made.
+    /// Pixels of the picture, by which room for pieces of triangles is made.
     pixels: u64,
 }
 

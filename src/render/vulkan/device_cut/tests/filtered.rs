@@ -53,7 +53,7 @@ fn shade_of(model: &Model, view: &View, settings: &Settings) -> FilteredShade {
     filtered_shade(settings, &facts, depth_range, 255.0)
 }
 
-/// What a frame asks of the device.
+/// Cut that a frame asks of the device.
 fn asked_of<'a>(settings: &'a Settings, shade: FilteredShade) -> AskedCut<'a> {
     AskedCut {
         settings,
