@@ -23,6 +23,8 @@ pub(crate) struct RendererCapabilities {
     pub(crate) cuts_sooner: bool,
     /// The lists of a cut by the device fit its memory, as far as was tried.
     pub(crate) fits_device_cut: bool,
+    /// Lists of filtered splats do, which are larger.
+    pub(crate) fits_filtered_cut: bool,
     /// The tree fits its memory, as far as was tried.
     pub(crate) fits_tree: bool,
 }
@@ -40,6 +42,7 @@ impl RendererCapabilities {
         has_first_instance: false,
         cuts_sooner: false,
         fits_device_cut: false,
+        fits_filtered_cut: false,
         fits_tree: false,
     };
 

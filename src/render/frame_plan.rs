@@ -520,15 +520,17 @@ fn cut_place(
         true => device_cut_refusal(settings, facts, (&plan, capabilities)),
         false => Some("several models are drawn together"),
     };
+    let fits = match settings.splat {
+        SplatKind::Filtered => capabilities.fits_filtered_cut,
+        _ => capabilities.fits_device_cut,
+    };
     match (settings.cut_on, refusal) {
         (CutOn::Processor, _) | (CutOn::Auto, Some(_)) => Ok(usual),
         (CutOn::Device, Some(why)) => Err(Error::Unsupported {
             what: "the cut on the device",
             why: why.into(),
         }),
-        (CutOn::Auto, None) if !(capabilities.cuts_sooner && capabilities.fits_device_cut) => {
-            Ok(usual)
-        }
+        (CutOn::Auto, None) if !(capabilities.cuts_sooner && fits) => Ok(usual),
         (CutOn::Auto | CutOn::Device, None) => Ok(CutPlace::Device),
     }
 }

@@ -39,6 +39,7 @@ const CARD: RendererCapabilities = RendererCapabilities {
     has_first_instance: true,
     cuts_sooner: false,
     fits_device_cut: true,
+    fits_filtered_cut: true,
     fits_tree: true,
 };
 
@@ -159,6 +160,21 @@ fn the_device_chooses_cuts_where_it_is_asked_or_sooner() {
     assert_eq!(place(CutOn::Auto, &CARD), CutPlace::Processor);
     assert_eq!(place(CutOn::Auto, &sooner), CutPlace::Device);
     assert_eq!(place(CutOn::Auto, &too_large), CutPlace::Processor);
+    let filtered = |capabilities| {
+        let settings = Settings {
+            splat: SplatKind::Filtered,
+            ..square(CutOn::Auto)
+        };
+        planned(&settings, capabilities).unwrap().cut_place
+    };
+    let no_pieces = RendererCapabilities {
+        fits_filtered_cut: false,
+        ..sooner
+    };
+    // Lists of filtered splats are larger: only their own size decides.
+    assert_eq!(filtered(&too_large), CutPlace::Device);
+    assert_eq!(filtered(&no_pieces), CutPlace::Processor);
+    assert_eq!(place(CutOn::Auto, &no_pieces), CutPlace::Device);
     assert_eq!(place(CutOn::Processor, &sooner), CutPlace::Processor);
     assert_eq!(place(CutOn::Device, &CARD), CutPlace::Device);
     let of = |splat, path| Settings {

@@ -50,6 +50,8 @@ pub(crate) struct DeviceCut {
     are_points: bool,
     levels: usize,
     most_splats: u32,
+    /// Largest picture that there is room for the pieces of, pixels.
+    most_pixels: u64,
     most_triangles: u32,
     subpixel_bits: u32,
     /// Sibling groups of a level and of the next one, in turn.
@@ -192,10 +194,12 @@ fn bytes_of<T>(count: usize) -> u64 {
 }
 
 impl DeviceCut {
-    /// Tells whether its lists have room for cuts of the scene, as records of a kind.
-    pub(crate) fn is_of(&self, scene: &DeviceScene, kind: ExpandedKind) -> bool {
+    /// Tells whether its lists have room for cuts of the scene, as records of a kind in a picture of so many pixels.
+    pub(crate) fn is_of(&self, scene: &DeviceScene, (kind, pixels): (ExpandedKind, u64)) -> bool {
         let members = |kind: ExpandedKind| (kind.have_areas, kind.have_quads, kind.are_filtered);
-        self.scene == scene.id() && members(self.kind) == members(kind)
+        self.scene == scene.id()
+            && members(self.kind) == members(kind)
+            && pixels <= self.most_pixels
     }
 
     /// Makes room for the largest cut there is of a tree, as records of a kind, and of filtered splats for pieces of triangles in
@@ -240,6 +244,7 @@ impl DeviceCut {
                 tree.level_count()
             },
             most_splats: most_splats as u32,
+            most_pixels: if has_pieces { pixels } else { u64::MAX },
             most_triangles: most_triangles as u32,
             subpixel_bits: gpu.info().subpixel_bits,
             queues: [

@@ -97,6 +97,14 @@ struct PlannedFrame<'a> {
     scene: &'a DeviceScene,
 }
 
+/// Scenes, by [`DeviceScene::id`], of which something was tried that does not fit the device.
+#[derive(Debug, Clone, Copy, Default)]
+struct TooLargeScenes {
+    cut: Option<u64>,
+    filtered_cut: Option<u64>,
+    tree: Option<u64>,
+}
+
 /// Ends a frame: submits it, after passes of its own that may read the color target.
 type FrameEnding<'e> = dyn FnMut(FrameRecorder<'_>, &Target) -> Result<FrameTicket, Error> + 'e;
 
@@ -117,8 +125,7 @@ pub struct VulkanRenderer {
     device_cut: Option<DeviceCut>,
     /// What its lists are of.
     held_on_device: Option<ChosenKey>,
-    /// The scene whose cuts do not fit the device, and the one whose tree does not.
-    too_large: [Option<u64>; 2],
+    too_large: TooLargeScenes,
     triangles: Option<(TriangleVariant, ShaderPipeline)>,
     spare_triangles: Vec<(TriangleVariant, ShaderPipeline)>,
     /// One for each variant that was drawn, those drawn last.
@@ -208,7 +215,7 @@ impl VulkanRenderer {
             by_id: None,
             device_cut: None,
             held_on_device: None,
-            too_large: [None; 2],
+            too_large: TooLargeScenes::default(),
             triangles: None,
             spare_triangles: Vec::new(),
             splats: Vec::new(),
@@ -482,7 +489,7 @@ impl VulkanRenderer {
         settings: &Settings,
     ) -> Result<FramePlan, Error> {
         let info = self.gpu.info();
-        let [no_cut_of, no_tree_of] = self.too_large;
+        let fits = |too_large: Option<u64>| too_large != Some(scene.id());
         let capabilities = RendererCapabilities {
             max_point_px: info.max_point_size_px,
             largest_guarded_px: f32::INFINITY,
@@ -494,8 +501,9 @@ impl VulkanRenderer {
                 .all(|vertices| AnyBuffer::bytes(vertices) <= info.max_storage_range),
             has_first_instance: info.has_first_instance,
             cuts_sooner: self.costs.is_some_and(|costs| costs.cuts_on_device()),
-            fits_device_cut: no_cut_of != Some(scene.id()),
-            fits_tree: no_tree_of != Some(scene.id()),
+            fits_device_cut: fits(self.too_large.cut),
+            fits_filtered_cut: fits(self.too_large.filtered_cut),
+            fits_tree: fits(self.too_large.tree),
         };
         let input = PlanInput {
             parts,

@@ -79,78 +79,128 @@ struct ChosenLists<R> {
     counts: CutCounters,
 }
 
-/// The lists of the device.
-fn chosen<R: bytemuck::Pod + PartialEq + std::fmt::Debug>(
-    gpu: &Arc<Gpu>,
-    (model, scene): (&Model, &DeviceScene),
-    view: &View,
-    asked: AskedCut<'_>,
-) -> ChosenLists<R> {
-    let AskedCut {
-        settings,
-        kind,
-        rules,
-        shade,
-        pixels,
-        ..
-    } = asked;
-    let mut frames = FrameRing::new(gpu, 1, false).unwrap();
-    let facts = DrawnFacts::from(model);
-    let context = FrameContext::new(&facts, view, settings, 1.0, 0);
-    let of_frame = frame_constants(view, settings, &context);
-    let eye = shade.map(|shade| device_constants(view, shade));
-    let mut tree = DeviceTree::new(gpu, model, scene).unwrap();
-    let mut expansion = IdExpansion::new(gpu, model.kind().is_surface()).unwrap();
-    if kind.are_filtered {
-        tree.add_moments(gpu, model).unwrap();
-        expansion.ensure_filtered(gpu, of_frame.flags).unwrap();
+/// Model whose cuts the device chooses, with what all of them share: pipelines take longer than a cut.
+struct CutBed<'a> {
+    gpu: Arc<Gpu>,
+    model: &'a Model,
+    scene: DeviceScene,
+    tree: DeviceTree,
+    expansion: IdExpansion,
+    frames: FrameRing,
+    lists: Option<BedLists>,
+}
+
+/// Lists of cuts of one kind, and what reads them back.
+struct BedLists {
+    cut: DeviceCut,
+    splats: ReadbackBuffer,
+    corners: ReadbackBuffer,
+}
+
+impl<'a> CutBed<'a> {
+    fn new(gpu: &Arc<Gpu>, model: &'a Model) -> Self {
+        let scene = DeviceScene::new(gpu, model).unwrap();
+        Self {
+            gpu: Arc::clone(gpu),
+            model,
+            tree: DeviceTree::new(gpu, model, &scene).unwrap(),
+            expansion: IdExpansion::new(gpu, model.kind().is_surface()).unwrap(),
+            frames: FrameRing::new(gpu, 1, false).unwrap(),
+            scene,
+            lists: None,
+        }
     }
-    let on = SceneTree { tree: &tree, scene };
-    let mut cut = DeviceCut::new(gpu, on, model, (kind, pixels, 1)).unwrap();
-    let mut splats = ReadbackBuffer::new(gpu, "splats", cut.records.bytes()).unwrap();
-    let mut corners = ReadbackBuffer::new(gpu, "corners", cut.indices.bytes()).unwrap();
-    let tester = cut::NodeTester::new(model, view, &cut_settings(settings, model));
-    // Twice: the lists of the last frame are replaced.
-    for _ in 0..2 {
-        let mut frame = frames.begin().unwrap();
-        let constants = frame.uniform(&cut.constants(&tester, view, rules)).unwrap();
-        cut.choose(&mut frame, on, constants);
-        let ids = (cut.chosen_ids(), kind);
-        let block = frame.uniform(&of_frame).unwrap();
-        let seen = ExpansionFrame {
-            context: &context,
-            constants: block,
-            eye: eye.as_ref(),
-        };
-        expansion.record_chosen(&mut frame, on, ids, seen).unwrap();
-        frame.read_back_buffer("splats", &cut.records, &splats);
-        frame.read_back_buffer("corners", &cut.indices, &corners);
-        let ticket = frame.submit().unwrap();
-        frames.finish(ticket).unwrap();
+
+    /// Makes the lists, unless those of the last cut will do.
+    fn ensure_lists(&mut self, kind: ExpandedKind, pixels: u64) {
+        let will_do = |lists: &BedLists| lists.cut.is_of(&self.scene, (kind, pixels));
+        if self.lists.as_ref().is_some_and(will_do) {
+            return;
+        }
+        // Room for two is not needed.
+        self.lists = None;
+        let (tree, scene) = (&self.tree, &self.scene);
+        let on = SceneTree { tree, scene };
+        let cut = DeviceCut::new(&self.gpu, on, self.model, (kind, pixels, 1)).unwrap();
+        let read = |name, bytes| ReadbackBuffer::new(&self.gpu, name, bytes).unwrap();
+        self.lists = Some(BedLists {
+            splats: read("splats", cut.records.bytes()),
+            corners: read("corners", cut.indices.bytes()),
+            cut,
+        });
     }
-    let counts = cut.counts(0);
-    assert!(u64::from(counts.splats[0]) <= u64::from(cut.most_splats));
-    let splats: Vec<R> = bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut splats));
-    let corners: Vec<[u32; 3]> = bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut corners));
-    let first = counts.triangles[2] as usize / 3;
-    assert_eq!(
-        3 * corners.len() as u32,
-        counts.triangles[0] + counts.triangles[2]
-    );
-    check_copies(&splats, counts.splats[0], counts.splat_groups);
-    let [vertices, quads, first_vertex, first_quad] = counts.quads;
-    assert_eq!((vertices, first_vertex), (6, 0));
-    assert_eq!(first_quad + quads, cut.room());
-    assert!(kind.have_quads || quads == 0);
-    check_copies(&corners, counts.small, counts.small_groups);
-    ChosenLists {
-        points: splats[..counts.splats[0] as usize].to_vec(),
-        quads: splats[first_quad as usize..cut.room() as usize].to_vec(),
-        corners: [
-            corners[..counts.small as usize].to_vec(),
-            corners[first..].to_vec(),
-        ],
-        counts,
+
+    /// Lists that the device chooses.
+    fn chosen<R>(&mut self, view: &View, asked: AskedCut<'_>) -> ChosenLists<R>
+    where
+        R: bytemuck::Pod + PartialEq + std::fmt::Debug,
+    {
+        let (settings, kind) = (asked.settings, asked.kind);
+        let facts = DrawnFacts::from(self.model);
+        let context = FrameContext::new(&facts, view, settings, 1.0, 0);
+        let of_frame = frame_constants(view, settings, &context);
+        let eye = asked.shade.map(|shade| device_constants(view, shade));
+        if kind.are_filtered {
+            self.tree.add_moments(&self.gpu, self.model).unwrap();
+            (self.expansion)
+                .ensure_filtered(&self.gpu, of_frame.flags)
+                .unwrap();
+        }
+        self.ensure_lists(kind, asked.pixels);
+        let (tree, scene) = (&self.tree, &self.scene);
+        let on = SceneTree { tree, scene };
+        let BedLists {
+            cut,
+            splats,
+            corners,
+            ..
+        } = self.lists.as_mut().unwrap();
+        let tester = cut::NodeTester::new(self.model, view, &cut_settings(settings, self.model));
+        // Twice: the lists of the last frame are replaced.
+        for _ in 0..2 {
+            let mut frame = self.frames.begin().unwrap();
+            let rules = cut.constants(&tester, view, asked.rules);
+            let constants = frame.uniform(&rules).unwrap();
+            cut.choose(&mut frame, on, constants);
+            let ids = (cut.chosen_ids(), kind);
+            let block = frame.uniform(&of_frame).unwrap();
+            let seen = ExpansionFrame {
+                context: &context,
+                constants: block,
+                eye: eye.as_ref(),
+            };
+            (self.expansion)
+                .record_chosen(&mut frame, on, ids, seen)
+                .unwrap();
+            frame.read_back_buffer("splats", &cut.records, splats);
+            frame.read_back_buffer("corners", &cut.indices, corners);
+            let ticket = frame.submit().unwrap();
+            self.frames.finish(ticket).unwrap();
+        }
+        let counts = cut.counts(0);
+        assert!(u64::from(counts.splats[0]) <= u64::from(cut.most_splats));
+        let splats: &[R] = bytemuck::cast_slice(ReadbackBuffer::bytes(splats));
+        let corners: &[[u32; 3]] = bytemuck::cast_slice(ReadbackBuffer::bytes(corners));
+        let first = counts.triangles[2] as usize / 3;
+        assert_eq!(
+            3 * corners.len() as u32,
+            counts.triangles[0] + counts.triangles[2]
+        );
+        check_copies(splats, counts.splats[0], counts.splat_groups);
+        let [vertices, quads, first_vertex, first_quad] = counts.quads;
+        assert_eq!((vertices, first_vertex), (6, 0));
+        assert_eq!(first_quad + quads, cut.room());
+        assert!(kind.have_quads || quads == 0);
+        check_copies(corners, counts.small, counts.small_groups);
+        ChosenLists {
+            points: splats[..counts.splats[0] as usize].to_vec(),
+            quads: splats[first_quad as usize..cut.room() as usize].to_vec(),
+            corners: [
+                corners[..counts.small as usize].to_vec(),
+                corners[first..].to_vec(),
+            ],
+            counts,
+        }
     }
 }
 
@@ -234,8 +284,8 @@ fn check_edge_on(model: &Model, view: &View, triangles: &[Vec<u32>], what: &str)
 
 /// Compares the lists of the device with those of the host, and counts nodes, strips, leaves, triangles and quads of the cut.
 fn compare<R>(
-    gpu: &Arc<Gpu>,
-    (model, scene, undrawn): (&Model, &DeviceScene, &cut::ZeroAreaSet),
+    bed: &mut CutBed<'_>,
+    undrawn: &cut::ZeroAreaSet,
     view: &View,
     asked: AskedCut<'_>,
     what: &str,
@@ -243,13 +293,14 @@ fn compare<R>(
 where
     R: splats::SplatRecord + bytemuck::Pod + Send + PartialEq + std::fmt::Debug,
 {
-    let (cut, host) = of_host::<R>(gpu, (model, undrawn), view, asked);
+    let (gpu, model) = (Arc::clone(&bed.gpu), bed.model);
+    let (cut, host) = of_host::<R>(&gpu, (model, undrawn), view, asked);
     let ChosenLists {
         points,
         quads,
         corners: [small, large],
         counts,
-    } = chosen::<R>(gpu, (model, scene), view, asked);
+    } = bed.chosen::<R>(view, asked);
     // Of sizes at the limit either may be the case.
     let of_host = host[1].len();
     let most = 2 + of_host / 1000;
@@ -340,7 +391,7 @@ fn the_device_chooses_what_the_host_chooses() {
         (GeneratedShape::Sphere, 8_000, true),
     ] {
         let model = model_of(shape, triangles, is_cloud);
-        let scene = DeviceScene::new(&gpu, &model).unwrap();
+        let mut bed = CutBed::new(&gpu, &model);
         let undrawn = cut::ZeroAreaSet::new(&model);
         for (index, view) in views_of(&model).iter().enumerate() {
             for (splat, threshold_px, culling, method) in [
@@ -407,10 +458,9 @@ fn the_device_chooses_what_the_host_chooses() {
                     shade: None,
                     pixels: 1,
                 };
-                let of_model = (&model, &scene, &undrawn);
                 let found = match have_areas {
-                    true => compare::<WeightedSplat>(&gpu, of_model, view, asked, &what),
-                    false => compare::<Splat>(&gpu, of_model, view, asked, &what),
+                    true => compare::<WeightedSplat>(&mut bed, &undrawn, view, asked, &what),
+                    false => compare::<Splat>(&mut bed, &undrawn, view, asked, &what),
                 };
                 let of_kind = &mut kinds[usize::from(!is_plain) + usize::from(have_areas)];
                 for (sum, found) in of_kind.iter_mut().zip(found) {

@@ -233,7 +233,11 @@ impl VulkanRenderer {
                 return Err(error);
             }
             tracing::info!(%error, "the processor chooses cuts");
-            self.too_large[0] = Some(scene.id());
+            let too_large = match plan.technique {
+                Technique::Filtered => &mut self.too_large.filtered_cut,
+                _ => &mut self.too_large.cut,
+            };
+            *too_large = Some(scene.id());
             return Ok(false);
         }
         if plan.uploads_ids
@@ -243,7 +247,7 @@ impl VulkanRenderer {
                 return Err(error);
             }
             tracing::info!(%error, "draw lists hold records");
-            self.too_large[1] = Some(scene.id());
+            self.too_large.tree = Some(scene.id());
             return Ok(false);
         }
         let has_ids = plan.cut_place == CutPlace::Device || plan.uploads_ids;
@@ -285,14 +289,14 @@ impl VulkanRenderer {
         kind: ExpandedKind,
         (model, scene): (&Model, &DeviceScene),
     ) -> Result<(), Error> {
-        let is_of = |cut: &DeviceCut| cut.is_of(scene, kind);
+        let color = &self.targets.color;
+        let pixels = u64::from(color.width) * u64::from(color.height);
+        let is_of = |cut: &DeviceCut| cut.is_of(scene, (kind, pixels));
         if self.device_cut.as_ref().is_some_and(is_of) {
             return Ok(());
         }
         // Its memory first.
         (self.device_cut, self.held_on_device) = (None, None);
-        let color = &self.targets.color;
-        let pixels = u64::from(color.width) * u64::from(color.height);
         let room = (kind, pixels, self.frames.in_flight());
         let gpu = self.gpu.clone();
         let tree = self.tree_on_device(model, scene)?;

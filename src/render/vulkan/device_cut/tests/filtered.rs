@@ -74,7 +74,7 @@ fn asked_of<'a>(settings: &'a Settings, shade: FilteredShade) -> AskedCut<'a> {
         },
         max_point_px: 255.0,
         shade: Some(shade),
-        pixels: 1 << 20,
+        pixels: 1 << 18,
     }
 }
 
@@ -128,7 +128,7 @@ fn points_become_the_splats_of_the_processor() {
         ("place", in_one_place(200)),
         ("point", in_one_place(1)),
     ] {
-        let scene = DeviceScene::new(&gpu, &model).unwrap();
+        let mut bed = CutBed::new(&gpu, &model);
         for (index, view) in views_of(&model).iter().enumerate() {
             for (threshold_px, culling, method) in [
                 (1.0, Culling::Auto, Method::Pop),
@@ -142,7 +142,7 @@ fn points_become_the_splats_of_the_processor() {
                 let (cut, host) = (packed.cut, packed.splats);
                 assert!(packed.corners.is_empty(), "{what}");
                 let asked = asked_of(&settings, shade);
-                let found = chosen::<FilteredSplat>(&gpu, (&model, &scene), view, asked);
+                let found = bed.chosen::<FilteredSplat>(view, asked);
                 let device = drawn(&found.points);
                 let all = [cut.nodes.len(), cut.leaves.len()];
                 let nothing = found.points.len() - device.len();
@@ -187,23 +187,23 @@ impl TriangleFate {
 
 /// Compares what both draw of a cut, whatever the order; what became of its triangles, if there are any.
 fn compare(
-    gpu: &Arc<Gpu>,
-    (model, scene): (&Model, &DeviceScene),
+    bed: &mut CutBed<'_>,
     view: &View,
     settings: &Settings,
     what: &str,
 ) -> Option<TriangleFate> {
+    let model = bed.model;
     let shade = shade_of(model, view, settings);
     let host = of_processor(model, view, (settings, &shade));
     let asked = asked_of(settings, shade);
-    let device = chosen::<FilteredSplat>(gpu, (model, scene), view, asked);
+    let device = bed.chosen::<FilteredSplat>(view, asked);
     let counts = device.counts;
     let fate = TriangleFate::of(&counts);
     let fate = (counts.pieces.named > 0).then_some(fate);
     let splats = drawn(&device.points);
     let [fine, corners] = &device.corners;
     assert!(fine.is_empty(), "{what}");
-    if !gpu.info().is_cpu() {
+    if !bed.gpu.info().is_cpu() {
         let near = |a: usize, b: usize| a.abs_diff(b) <= 2 + b / 500;
         assert!(near(splats.len(), host.splats.len()), "{what}");
         assert!(near(corners.len(), host.corners.len()), "{what}");
@@ -236,7 +236,7 @@ fn triangles_become_the_pieces_of_the_processor() {
         ("two triangles", model_of(GeneratedShape::Square, 2, false)),
         ("square", model_of(GeneratedShape::Square, 5_000, false)),
     ] {
-        let scene = DeviceScene::new(&gpu, &model).unwrap();
+        let mut bed = CutBed::new(&gpu, &model);
         for (index, view) in views_of(&model).iter().enumerate() {
             for (threshold_px, culling, method) in [
                 (1.0, Culling::Auto, Method::Pop),
@@ -248,7 +248,7 @@ fn triangles_become_the_pieces_of_the_processor() {
                 let settings = settings_of(threshold_px, culling, method);
                 let what =
                     format!("{name}, view {index}, {method:?} of {threshold_px} px, {culling:?}");
-                let fate = compare(&gpu, (&model, &scene), view, &settings, &what);
+                let fate = compare(&mut bed, view, &settings, &what);
                 assert!(
                     method == Method::Pop || fate.is_none_or(|f| f == TriangleFate::AllTaken),
                     "{what}"
@@ -273,7 +273,8 @@ fn triangles_become_the_pieces_of_the_processor() {
 fn pieces_without_room_stay_in_one() {
     let Some(gpu) = device() else { return };
     let model = model_of(GeneratedShape::Statue, 20_000, false);
-    let scene = DeviceScene::new(&gpu, &model).unwrap();
+    // One with room, and one without.
+    let mut beds = [1 << 20, 1].map(|pixels| (pixels, CutBed::new(&gpu, &model)));
     // Splats without those of triangles, and triangles, of all that are named.
     let own = |counts: &CutCounters, is_one: bool| {
         let [within, beyond] = counts.pieces.pieces;
@@ -291,13 +292,12 @@ fn pieces_without_room_stay_in_one() {
             let view = orbit(&model, (640, 400), fill, 1);
             let settings = settings_of(1.0, Culling::Off, method);
             let shade = shade_of(&model, &view, &settings);
-            let [with_room, without] = [1 << 20, 1].map(|pixels| {
+            let [with_room, without] = beds.each_mut().map(|(pixels, bed)| {
                 let asked = AskedCut {
-                    pixels,
+                    pixels: *pixels,
                     ..asked_of(&settings, shade)
                 };
-                let of_model = (&model, &scene);
-                chosen::<FilteredSplat>(&gpu, of_model, &view, asked).counts
+                bed.chosen::<FilteredSplat>(&view, asked).counts
             });
             assert_eq!(with_room.pieces.named, without.pieces.named);
             let is_one = without.pieces.halved_px == 0.0;
@@ -319,5 +319,17 @@ fn pieces_without_room_stay_in_one() {
         }
     }
     assert!(lacking.iter().all(|&n| n > 0), "{lacking:?}");
+    // A larger picture gets lists with more room.
+    let view = orbit(&model, (640, 400), 0.2, 1);
+    let settings = settings_of(1.0, Culling::Off, Method::Splats);
+    let asked = asked_of(&settings, shade_of(&model, &view, &settings));
+    let grown = beds.each_mut().map(|(_, bed)| {
+        let asked = AskedCut {
+            pixels: 1 << 20,
+            ..asked
+        };
+        bed.chosen::<FilteredSplat>(&view, asked).counts.splats
+    });
+    assert_eq!(grown[0], grown[1]);
     close_in_silence(gpu);
 }
