@@ -1,5 +1,5 @@
 //! Cuts that the device chooses: the same pictures and counts as those of the host, frame after frame, and refused by name
-//! where it cannot. That the lists are the same node for node is tested beside the passes (`method::device_cut`).
+//! where it cannot. That the lists are the same node for node is tested beside the passes (`device_cut`).
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod common;

@@ -50,8 +50,6 @@ pub(crate) struct DeviceCut {
     are_points: bool,
     levels: usize,
     most_splats: u32,
-    /// Largest picture that there is room for the pieces of, pixels.
-    most_pixels: u64,
     most_triangles: u32,
     subpixel_bits: u32,
     /// Sibling groups of a level and of the next one, in turn.
@@ -83,9 +81,11 @@ struct ChoicePipelines {
 }
 
 impl ChoicePipelines {
+    /// `pixels`: of the picture, where triangles may become filtered splats.
+    ///
     /// # Errors
     /// When a Vulkan call fails.
-    fn new(gpu: &Arc<Gpu>, has_pieces: bool) -> Result<Self, Error> {
+    fn new(gpu: &Arc<Gpu>, pixels: Option<u64>) -> Result<Self, Error> {
         let pipeline = |name, shader| ShaderPipeline::compute(gpu, name, shader, &[]);
         Ok(Self {
             start: pipeline("cut.start", &shaders::CUT_START_COMP)?,
@@ -93,7 +93,9 @@ impl ChoicePipelines {
             next: pipeline("cut.next", &shaders::CUT_NEXT_COMP)?,
             leaves: pipeline("cut.leaves", &shaders::CUT_LEAVES_COMP)?,
             close: pipeline("cut.close", &shaders::CUT_CLOSE_COMP)?,
-            pieces: has_pieces.then(|| PiecePipelines::new(gpu)).transpose()?,
+            pieces: pixels
+                .map(|pixels| PiecePipelines::new(gpu, pixels))
+                .transpose()?,
         })
     }
 }
@@ -199,7 +201,7 @@ impl DeviceCut {
         let members = |kind: ExpandedKind| (kind.have_areas, kind.have_quads, kind.are_filtered);
         self.scene == scene.id()
             && members(self.kind) == members(kind)
-            && pixels <= self.most_pixels
+            && (self.pipelines.pieces.as_ref()).is_none_or(|pieces| pieces.has_room_for(pixels))
     }
 
     /// Makes room for the largest cut there is of a tree, as records of a kind, and of filtered splats for pieces of triangles in
@@ -244,7 +246,6 @@ impl DeviceCut {
                 tree.level_count()
             },
             most_splats: most_splats as u32,
-            most_pixels: if has_pieces { pixels } else { u64::MAX },
             most_triangles: most_triangles as u32,
             subpixel_bits: gpu.info().subpixel_bits,
             queues: [
@@ -261,7 +262,7 @@ impl DeviceCut {
                 count: 3 * (most_triangles as u32 + SPARE_RECORDS as u32),
             }],
             counters: list("counts of the device's cut", counters)?,
-            pipelines: ChoicePipelines::new(gpu, has_pieces)?,
+            pipelines: ChoicePipelines::new(gpu, has_pieces.then_some(pixels))?,
             read: (0..slots)
                 .map(|slot| {
                     let name = format!("counts of the cut of frame {slot}");

@@ -57,18 +57,28 @@ pub(super) struct PiecePipelines {
     measure: ShaderPipeline,
     decide: ShaderPipeline,
     divide: ShaderPipeline,
+    /// Largest picture that the lists have room for the pieces of, pixels.
+    most_pixels: u64,
 }
 
 impl PiecePipelines {
+    /// Makes the pipelines, for lists with room for the pieces of pictures of so many pixels.
+    ///
     /// # Errors
     /// When a Vulkan call fails.
-    pub(super) fn new(gpu: &Arc<Gpu>) -> Result<Self, Error> {
+    pub(super) fn new(gpu: &Arc<Gpu>, most_pixels: u64) -> Result<Self, Error> {
         let pipeline = |name, shader| ShaderPipeline::compute(gpu, name, shader, &[]);
         Ok(Self {
             measure: pipeline("cut.measure", &shaders::CUT_MEASURE_COMP)?,
             decide: pipeline("cut.decide", &shaders::CUT_DECIDE_COMP)?,
             divide: pipeline("cut.divide", &shaders::CUT_DIVIDE_COMP)?,
+            most_pixels,
         })
+    }
+
+    /// Tells whether lists have room for the pieces of a picture of so many pixels.
+    pub(super) fn has_room_for(&self, pixels: u64) -> bool {
+        pixels <= self.most_pixels
     }
 
     /// Pass `cut.pieces`: adds the pieces of named triangles to the splats, and corners of those that stay triangles.
