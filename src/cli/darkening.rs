@@ -16,7 +16,7 @@ enum EyeDomeName {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum AmbientOcclusionName {
-    /// On what has normals
+    /// On what has normals; not on filtered splats beside triangles, nor Gaussians above a pixel
     Auto,
     /// On everything
     On,

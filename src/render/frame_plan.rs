@@ -37,7 +37,7 @@ const AS_A_PIXEL_PX: f32 = 1.5;
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
 /// what is seen from there is what faces away; thresholds of little more than a pixel are a pixel, where that is better and
 /// faster; with [`EyeDome::Auto`] points without normals are darkened by what is nearer beside them, and with
-/// [`AmbientOcclusion::Auto`] all others where they lie deep.
+/// [`AmbientOcclusion::Auto`] most others where they lie deep.
 pub fn resolve_settings(settings: &Settings, model: &Model, view: &View) -> Settings {
     let surrounds = |view: &View| surrounds_eye(model, view);
     resolved(settings, &model.into(), view, surrounds)
@@ -54,6 +54,18 @@ pub(crate) fn resolve_of_parts(
         models.any(|model| surrounds_eye(model, view))
     };
     resolved(settings, &parts.facts(), view, surrounds)
+}
+
+/// Tells whether depths of triangles lie beside those of splats that were pushed away by several pixels' width: in such a picture
+/// ambient occlusion sees a pit at each splat.
+fn mixes_pushed_depths(settings: &Settings) -> bool {
+    settings.method == Method::Pop
+        && match Technique::of(settings) {
+            Technique::Filtered => true,
+            // Gaussians of a pixel are pushed away by less.
+            Technique::Fuzzy => settings.threshold_px > 1.0,
+            _ => false,
+        }
 }
 
 /// Resolves settings as [`resolve_settings`] does, of all that is drawn; `surrounds` tells whether a closed surface does
@@ -82,7 +94,11 @@ pub(crate) fn resolved(
     };
     let is_darkened_in_depth = match settings.ambient_occlusion {
         _ if settings.color_by.is_data() || settings.shows_photos() => false,
-        AmbientOcclusion::Auto => settings.color_by == ColorBy::Shading && !facts.lacks_normals,
+        AmbientOcclusion::Auto => {
+            settings.color_by == ColorBy::Shading
+                && !facts.lacks_normals
+                && !(facts.kind.is_surface() && mixes_pushed_depths(settings))
+        }
         AmbientOcclusion::On => true,
         AmbientOcclusion::Off => false,
     };

@@ -182,7 +182,11 @@ pub const EYE_DOMES: &[NamedChoice<EyeDome>] = &[
 
 /// What is darkened where its surroundings hide its sky.
 pub const AMBIENT_OCCLUSIONS: &[NamedChoice<AmbientOcclusion>] = &[
-    (AmbientOcclusion::Auto, "auto", "What has normals"),
+    (
+        AmbientOcclusion::Auto,
+        "auto",
+        "What has normals, but no blended splats beside triangles",
+    ),
     (AmbientOcclusion::On, "on", "Everything"),
     (AmbientOcclusion::Off, "off", "Nothing"),
 ];

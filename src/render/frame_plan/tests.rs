@@ -79,6 +79,42 @@ fn of_splat(splat: SplatKind, threshold_px: f32) -> Settings {
     }
 }
 
+/// Ambient occlusion comes by itself but where depths of triangles lie beside pushed ones, and always if asked for.
+#[test]
+fn ambient_occlusion_leaves_out_mixed_depths() {
+    let resolved = |splat, threshold_px, method, ambient_occlusion| {
+        let settings = Settings {
+            method,
+            ambient_occlusion,
+            ..of_splat(splat, threshold_px)
+        };
+        planned(&settings, &CARD)
+            .unwrap()
+            .settings
+            .ambient_occlusion
+    };
+    for (splat, threshold_px, method, is_dark) in [
+        (SplatKind::Square, 3.0, Method::Pop, true),
+        (SplatKind::Visibility, 3.0, Method::Pop, true),
+        (SplatKind::Gauss, 1.0, Method::Pop, true),
+        (SplatKind::Gauss, 2.0, Method::Pop, false),
+        (SplatKind::Filtered, 1.0, Method::Pop, false),
+        (SplatKind::Filtered, 2.0, Method::Pop, false),
+        (SplatKind::Filtered, 2.0, Method::Splats, true),
+        (SplatKind::Filtered, 2.0, Method::Triangles, true),
+    ] {
+        let found = resolved(splat, threshold_px, method, AmbientOcclusion::Auto);
+        let wanted = if is_dark {
+            AmbientOcclusion::On
+        } else {
+            AmbientOcclusion::Off
+        };
+        assert_eq!(found, wanted, "{splat:?}, {method:?} of {threshold_px} px");
+        let asked = resolved(splat, threshold_px, method, AmbientOcclusion::On);
+        assert_eq!(asked, AmbientOcclusion::On);
+    }
+}
+
 #[test]
 fn sizes_and_guard_bands_follow_from_who_draws() {
     let square = of_splat(SplatKind::Square, 3.0);
