@@ -182,7 +182,7 @@ pub enum EyeDome {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AmbientOcclusion {
-    /// Of what has normals, in shaded colors; not where pushed depths of blended splats lie beside those of triangles.
+    /// Shaded colors of what has normals, but not where pushed depths of blended splats lie beside those of triangles.
     Auto,
     /// Always.
     On,

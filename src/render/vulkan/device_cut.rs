@@ -81,7 +81,7 @@ struct ChoicePipelines {
 }
 
 impl ChoicePipelines {
-    /// `pixels`: of the picture, where triangles may become filtered splats.
+    /// Makes the pipelines; `pixels`: those of the picture, where triangles may become filtered splats.
     ///
     /// # Errors
     /// When a Vulkan call fails.

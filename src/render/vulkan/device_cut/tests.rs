@@ -153,7 +153,6 @@ impl<'a> CutBed<'a> {
             cut,
             splats,
             corners,
-            ..
         } = self.lists.as_mut().unwrap();
         let tester = cut::NodeTester::new(self.model, view, &cut_settings(settings, self.model));
         // Twice: the lists of the last frame are replaced.
