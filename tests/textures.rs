@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Device, orbit};
+use common::{Device, orbit, pictures};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 use surfel::image::FloatImage;
@@ -13,7 +13,7 @@ use surfel::mesh::attributes::PointAttributes;
 use surfel::patches::{ErrorTolerances, PatchRules};
 use surfel::progress::SilentProgress;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::{Method, Path, Settings, SplatKind};
+use surfel::render::{ListOf, Method, Path, PictureOutputs, Settings, SplatKind};
 use surfel::textures::{MeshTextures, NO_IMAGE, TextureImage, TextureLevel, WrapMode};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -36,7 +36,12 @@ fn image_of(side: u32, of: impl Fn(u32, u32) -> [u8; 3]) -> Arc<TextureImage> {
 
 /// Squares of three texels, white and dark blue.
 fn checker() -> Arc<TextureImage> {
-    image_of(512, |x, y| match (x / 3 + y / 3) % 2 {
+    checker_of(3)
+}
+
+/// Squares of so many texels, white and dark blue.
+fn checker_of(side: u32) -> Arc<TextureImage> {
+    image_of(512, |x, y| match (x / side + y / side) % 2 {
         0 => [255, 255, 255],
         _ => [0, 10, 60],
     })
@@ -279,33 +284,43 @@ fn patch_picture(
     (picture, counts.patches.patches())
 }
 
-/// Patches show what triangles show, across seams, borders and beside other images, by every backend.
-#[test]
-fn patches_show_images() {
-    let device = Device::open();
+/// A photograph, and one that is repeated.
+fn two_images() -> [Arc<TextureImage>; 2] {
     let image = photograph();
     let level = image.levels()[0].clone();
     let wrap = [WrapMode::Repeat, WrapMode::Mirror];
     let wrapped = Arc::new(TextureImage::new("wrapped", [512; 2], wrap, level));
+    [image, wrapped]
+}
+
+/// A sheet that shows one image with a seam in it, another, and in its last eighth none.
+fn sheet_of_two(cells: u32, images: [&Arc<TextureImage>; 2], height: f32) -> Mesh {
+    let mut mesh = sheet(cells, images[0], height);
+    let textures = mesh.textures.as_mut().unwrap();
+    textures.images.push(images[1].clone());
+    let count = textures.image_of.len();
+    textures.image_of[count / 2..].fill(1);
+    textures.image_of[count - count / 8..].fill(NO_IMAGE);
+    for corner in textures.corners[count / 2..].iter_mut().flatten() {
+        *corner = *corner * 1.3 - Vec2::splat(0.7);
+    }
+    for (index, corners) in textures.corners[..count / 2].iter_mut().enumerate() {
+        if index / 2 % (cells as usize) < 20 {
+            corners
+                .iter_mut()
+                .for_each(|corner| corner.y = 1.0 - corner.y);
+        }
+    }
+    mesh
+}
+
+/// Patches show what triangles show, across seams, borders and beside other images, by every backend.
+#[test]
+fn patches_show_images() {
+    let device = Device::open();
+    let [image, wrapped] = two_images();
     for (cells, height) in [(64, 0.0), (90, 0.05)] {
-        let mut mesh = sheet(cells, &image, height);
-        let textures = mesh.textures.as_mut().unwrap();
-        textures.images.push(wrapped.clone());
-        let count = textures.image_of.len();
-        textures.image_of[count / 2..].fill(1);
-        textures.image_of[count - count / 8..].fill(NO_IMAGE);
-        for corner in textures.corners[count / 2..].iter_mut().flatten() {
-            *corner = *corner * 1.3 - Vec2::splat(0.7);
-        }
-        // A seam within the first image.
-        for (index, corners) in textures.corners[..count / 2].iter_mut().enumerate() {
-            if index / 2 % (cells as usize) < 20 {
-                corners
-                    .iter_mut()
-                    .for_each(|corner| corner.y = 1.0 - corner.y);
-            }
-        }
-        let model = built(mesh);
+        let model = built(sheet_of_two(cells, [&image, &wrapped], height));
         for (azimuth, fill) in [(20.0, 1.0), (75.0, 2.5)] {
             let view = orbit(&model, SIZE, azimuth, 15.0, fill);
             let what = format!("{cells} cells, azimuth {azimuth}");
@@ -331,6 +346,92 @@ fn patches_show_images() {
                 assert!(mean < 0.3 && own == count, "{what}, {path:?}: {mean}");
             }
         }
+    }
+}
+
+/// The device copies places in images of the patches that a list names: the same pictures, for an eighth of the bytes.
+#[test]
+fn numbers_draw_patches_with_images() {
+    let Some(device) = Device::open() else { return };
+    let [image, wrapped] = two_images();
+    let model = built(sheet_of_two(90, [&image, &wrapped], 0.05));
+    let backend = Backend::Vulkan(device.gpu().clone());
+    for (azimuth, fill) in [(20.0, 1.0), (75.0, 2.5)] {
+        let view = orbit(&model, SIZE, azimuth, 15.0, fill);
+        for &path in device.paths() {
+            let drawn = [ListOf::Records, ListOf::Ids].map(|list_of| {
+                let own = Settings {
+                    list_of,
+                    ..patches(path)
+                };
+                let mut engine =
+                    Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
+                let times = engine.draw(&view, &own).unwrap();
+                let makes = |name: &str| times.passes.iter().any(|pass| pass.name == name);
+                assert_eq!(makes("lists.places"), list_of == ListOf::Ids, "{path:?}");
+                (engine.render(&view, &own).unwrap(), times.counts)
+            });
+            let [(records, of_records), (ids, of_ids)] = &drawn;
+            let what = format!("{azimuth}, {path:?}");
+            let oracle = match device.gpu().info().is_cpu() {
+                true => pictures::SAME_BITS,
+                false => pictures::IDS_ROUNDED,
+            };
+            oracle.assert_same(records, ids, &what);
+            let patches = of_records.patches.patches();
+            assert!(patches > 20 && of_records.patches == of_ids.patches);
+            // 4 bytes of 152 and 32.
+            let spared = of_records.draw_list_bytes - of_ids.draw_list_bytes;
+            assert!(spared >= 180 * patches, "{what}: {spared} of {patches}");
+        }
+    }
+}
+
+/// Patches of several models show each the images of its own, beside a model without any.
+#[test]
+fn several_models_show_their_images_by_patches() {
+    let device = Device::open();
+    let [image, wrapped] = two_images();
+    let beside = |mut mesh: Mesh, x: f32| {
+        mesh.positions.iter_mut().for_each(|at| at.x += x);
+        built(mesh)
+    };
+    let mut plain = sheet(40, &image, 0.0);
+    plain.textures = None;
+    let models = [
+        beside(sheet(50, &checker_of(48), 0.02), -0.6),
+        beside(plain, 0.0),
+        beside(sheet_of_two(60, [&image, &wrapped], 0.02), 0.6),
+    ];
+    let origin = models[1].origin;
+    let moved = models.map(|model| {
+        let mut nothing = PointAttributes::default();
+        (model.moved_to(origin, &mut nothing, &SilentProgress)).unwrap()
+    });
+    let all: Vec<&Model> = moved.iter().collect();
+    let view = orbit(all[1], SIZE, 15.0, 20.0, 0.6);
+    let draw = |backend: &Backend, own: &Settings| {
+        let mut engine = Engine::of_models(backend, &all, SIZE, Default::default()).unwrap();
+        let picture = engine.supersample(&view, own, 1).unwrap();
+        (picture, engine.draw(&view, own).unwrap().counts)
+    };
+    let triangles = settings(Method::Triangles, SplatKind::Square);
+    let (exact, _) = draw(&Backend::Reference, &triangles);
+    let (wanted, counts) = draw(&Backend::Reference, &patches(Path::Auto));
+    let [_, mean] = differences(&wanted, &exact);
+    assert!(mean < 1.0, "{mean}");
+    assert!(counts.patches.patches() > 60, "{counts:?}");
+    let mut backends = vec![(Backend::Cpu, Path::Auto)];
+    if let Some(device) = &device {
+        let vulkan = Backend::Vulkan(device.gpu().clone());
+        backends.extend(device.paths().iter().map(|&path| (vulkan.clone(), path)));
+    }
+    for (backend, path) in backends {
+        let (found, own) = draw(&backend, &patches(path));
+        let [_, mean] = differences(&found, &wanted);
+        println!("{path:?}: {mean}");
+        assert!(mean < 0.3, "{path:?}: {mean}");
+        assert_eq!(own.patches, counts.patches, "{path:?}");
     }
 }
 

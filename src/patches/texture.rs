@@ -33,7 +33,7 @@ pub(crate) struct PixelRays {
 
 impl PatchTexture {
     /// A patch in no image.
-    pub(super) fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self {
             image: NO_IMAGE,
             ..Self::zeroed()

@@ -407,7 +407,10 @@ impl FramePlan {
                 binds_vertices: capabilities.binds_vertices,
                 is_gray: settings.shades_gray(parts.has_colors()),
                 are_quads: settings.method == Method::Points && vertex_px > cheapest_px,
-                textures_patches: facts.has_textures && settings.textures_patches(),
+                // Beside pages of paged files, which have no images, the means of textures are drawn.
+                textures_patches: facts.has_textures
+                    && settings.textures_patches()
+                    && parts.iter().all(|part| part.cut.is_none()),
             },
             may_use_compute,
             draws_cut_by_compute: may_use_compute

@@ -9,8 +9,10 @@ use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::settings::PolygonSource;
 use crate::render::stats::FrameCounts;
 use crate::render::vertex_splats::VertexSplats;
+use crate::textures::TextureImage;
 use bytemuck::Zeroable;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Cuts of the parts of a frame, in their order. Memory is kept from frame to frame.
 #[derive(Debug, Default)]
@@ -23,6 +25,13 @@ pub struct PartCuts {
     patch_selector: PatchSelector,
     /// Patches of each part; the rest of its cut is where that is.
     patches: Vec<PatchCut>,
+}
+
+/// Places of patches in images, one each, and the images.
+#[derive(Debug, Default)]
+pub(crate) struct PatchPlaces {
+    pub(crate) places: Vec<PatchTexture>,
+    pub(crate) images: Vec<Arc<TextureImage>>,
 }
 
 impl PartCuts {
@@ -193,14 +202,48 @@ impl PartCuts {
         }
     }
 
-    /// Places in images of the patches of a frame of one part, in their order; none where the part has no images.
+    /// Places in images of the patches of all parts, in their order, each in those of its own model; those of a model without
+    /// images are in none.
     pub(crate) fn patch_textures(&self, parts: DrawnParts<'_>) -> Vec<PatchTexture> {
-        let Some(part) = parts.single().filter(|part| part.model.textures.is_some()) else {
-            return Vec::new();
-        };
-        let of_nodes = part.facts.patches(part.model).textures();
-        let ids = self.patch_ids().iter();
-        ids.map(|&id| of_nodes[id as usize]).collect()
+        self.textures_of_parts(parts).flatten().collect()
+    }
+
+    /// Places in images of the patches of all parts, in their order, and the images that these are in: those of one model after
+    /// the other.
+    pub(crate) fn joined_patch_textures(&self, parts: DrawnParts<'_>) -> PatchPlaces {
+        let mut joined = PatchPlaces::default();
+        for (part, own) in parts.iter().zip(self.textures_of_parts(parts)) {
+            let first = joined.images.len() as u32;
+            // Where there is no image the number stays the largest.
+            joined.places.extend(own.map(|place| PatchTexture {
+                image: place.image.saturating_add(first),
+                ..place
+            }));
+            joined.images.extend_from_slice(part.model.images());
+        }
+        joined
+    }
+
+    fn textures_of_parts<'a>(
+        &'a self,
+        parts: DrawnParts<'a>,
+    ) -> impl Iterator<Item = impl Iterator<Item = PatchTexture>> {
+        let own = parts.iter().zip(&self.patches);
+        own.filter(|_| self.has_patches()).map(|(part, cut)| {
+            let of_nodes = match part.model.textures {
+                Some(_) => part.facts.patches(part.model).textures(),
+                None => &[],
+            };
+            let of = |&id: &u32| of_nodes.get(id as usize).copied();
+            (cut.patches.iter()).map(move |id| of(id).unwrap_or_else(PatchTexture::none))
+        })
+    }
+
+    /// Number of patches of each part; nothing where there are no patches.
+    pub(crate) fn patch_counts_of_parts(&self) -> impl Iterator<Item = usize> {
+        let own = self.patches[..self.count].iter();
+        own.filter(|_| self.has_patches())
+            .map(|cut| cut.patches.len())
     }
 
     /// Ids of the patches of a frame of one part; none where it draws no patches.

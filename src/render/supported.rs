@@ -191,8 +191,6 @@ pub(crate) fn check_patches_of(settings: &Settings, parts: DrawnParts<'_>) -> Re
         |part: FactedModel<'_>| part.cut.is_none() && part.facts.drawn().kind.is_points();
     let why = if settings.drawn_patches().is_none() {
         return Ok(());
-    } else if parts.facts().has_textures && parts.single().is_none() {
-        "of several models they show no images on surfaces; leave --error out"
     } else if parts.iter().any(is_cloud) {
         "only surfaces of triangles have patches; leave --error out"
     } else {
@@ -332,9 +330,6 @@ pub(crate) fn ids_refusal(
     match Technique::of(settings) {
         _ if !settings.has_cut() => Some("methods without a cut have no lists"),
         Technique::Nothing => Some("there are no splats"),
-        Technique::Polygons if facts.has_textures && settings.textures_patches() => {
-            Some("the processor knows where patches are in images on surfaces")
-        }
         Technique::Filtered if facts.has_textures => {
             Some("the processor has the colors of filtered splats from images on surfaces")
         }

@@ -20,7 +20,7 @@ pub struct PolygonList<'a> {
     pub are_patches: bool,
     /// Places of patches in images, one each where images are shown; else none.
     pub textures: &'a [PatchTexture],
-    /// Images of the model.
+    /// Images that they are in.
     pub images: &'a [Arc<TextureImage>],
 }
 

@@ -1,6 +1,6 @@
 //! Whole frames by the reference: cut, pack, draw.
 
-use crate::abi::{FilteredSplat, OrientedPolygon, PatchTexture, Splat, Vertex, WeightedSplat};
+use crate::abi::{FilteredSplat, OrientedPolygon, Splat, Vertex, WeightedSplat};
 use crate::cut::{Cut, CutSelector};
 use crate::image::Image;
 use crate::math::camera::View;
@@ -13,7 +13,7 @@ use crate::render::frame_constants::{eye_dome_exponent, occlusion_slack, opennes
 use crate::render::frame_plan::{FramePlan, RecordFormat};
 use crate::render::model_facts::{DrawnFacts, DrawnParts};
 use crate::render::pack_params::largest_splat_px;
-use crate::render::part_cuts::PartCuts;
+use crate::render::part_cuts::{PartCuts, PatchPlaces};
 use crate::render::reference::ambient_occlusion::PixelSurroundings;
 use crate::render::reference::eye_dome::darken;
 use crate::render::reference::{BlendPasses, HoleFilling, OverdrawList, PolygonList};
@@ -56,7 +56,7 @@ struct PackedLists<'m> {
     filtered: Vec<FilteredSplat>,
     polygons: Vec<OrientedPolygon>,
     /// Places of patches in images, where images are shown.
-    patch_textures: Vec<PatchTexture>,
+    patch_textures: PatchPlaces,
     /// Vertices of all models.
     vertices: Cow<'m, [Vertex]>,
     textures: Option<JoinedTextures>,
@@ -149,8 +149,8 @@ impl ReferenceRenderer {
                 .cuts
                 .polygons(parts, settings.color_by == ColorBy::Level),
             patch_textures: match plan.primitives.textures_patches {
-                true => self.cuts.patch_textures(parts),
-                false => Vec::new(),
+                true => self.cuts.joined_patch_textures(parts),
+                false => PatchPlaces::default(),
             },
             ..PackedLists::default()
         };
@@ -231,8 +231,8 @@ impl ReferenceRenderer {
                 let polygons = PolygonList {
                     polygons: &lists.polygons,
                     are_patches: self.cuts.has_patches(),
-                    textures: &lists.patch_textures,
-                    images: lists.textures.as_ref().map_or(&[], |own| &own.images),
+                    textures: &lists.patch_textures.places,
+                    images: &lists.patch_textures.images,
                 };
                 let drawn = crate::render::reference::render_with_polygons(
                     view, &opaque, polygons, style, outputs,

@@ -1,5 +1,6 @@
 //! The tree of a scene on the device, for passes that look at nodes and leaves by their numbers.
 
+use crate::abi::PatchTexture;
 use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::scene::{DeviceScene, ScenePage};
@@ -31,6 +32,8 @@ pub(crate) struct DevicePatches {
     pub(crate) records: DeviceBuffer,
     /// Colors, one a node ([`PackedPatchColors`](crate::tree::PackedPatchColors)); `None` where the model has none.
     pub(crate) colors: Option<DeviceBuffer>,
+    /// Places in images, one a node ([`PatchTexture`](crate::abi::PatchTexture)); `None` where the model has none.
+    pub(crate) places: Option<DeviceBuffer>,
 }
 
 /// The tree of a scene, and the scene.
@@ -121,21 +124,25 @@ impl DeviceTree {
     pub(crate) fn add_patches(
         &mut self,
         gpu: &Arc<Gpu>,
-        patches: &PatchRecords,
+        (patches, places): (&PatchRecords, &[PatchTexture]),
     ) -> Result<(), Error> {
         if self.patches.is_some() {
             return Ok(());
         }
         let records: &[u8] = bytemuck::cast_slice(&patches.records);
         let colors: &[u8] = bytemuck::cast_slice(&patches.colors);
-        let bytes = [records, colors].map(|data| data.len() as u64);
+        let places: &[u8] = bytemuck::cast_slice(places);
+        let bytes = [records, colors, places].map(|data| data.len() as u64);
         fits_bindings(gpu, bytes)?;
         fits_memory(gpu, self.bytes() + bytes.into_iter().sum::<u64>())?;
-        let has_colors = !colors.is_empty();
-        let colors = has_colors.then(|| filled(gpu, "colors of patches", colors));
+        let if_any = |name: &str, data: &[u8]| {
+            let any = !data.is_empty();
+            any.then(|| filled(gpu, name, data)).transpose()
+        };
         self.patches = Some(DevicePatches {
             records: filled(gpu, "patches of nodes", records)?,
-            colors: colors.transpose()?,
+            colors: if_any("colors of patches", colors)?,
+            places: if_any("places of patches of nodes", places)?,
         });
         Ok(())
     }
@@ -147,6 +154,15 @@ impl DeviceTree {
     pub(crate) fn patches(&self) -> Result<&DevicePatches, Error> {
         let patches = self.patches.as_ref();
         patches.ok_or_else(|| too_large("it has no records of patches"))
+    }
+
+    /// Places of patches in images, one a node.
+    ///
+    /// # Errors
+    /// When nothing has [added](Self::add_patches) them, or the model has no images.
+    pub(crate) fn places_of_patches(&self) -> Result<&DeviceBuffer, Error> {
+        let places = self.patches()?.places.as_ref();
+        places.ok_or_else(|| too_large("it has no places of patches in images"))
     }
 
     /// Tells whether it is that of the scene.
@@ -169,7 +185,14 @@ impl DeviceTree {
     pub(crate) fn bytes(&self) -> u64 {
         let all = [&self.nodes, &self.attributes, &self.leaves, &self.corners];
         let patches = self.patches.iter();
-        let patches = patches.flat_map(|own| [Some(&own.records), own.colors.as_ref()]);
+        let patches = patches.flat_map(|own| {
+            let DevicePatches {
+                records,
+                colors,
+                places,
+            } = own;
+            [Some(records), colors.as_ref(), places.as_ref()]
+        });
         let all = (all.into_iter().chain(&self.moments)).chain(patches.flatten());
         all.map(AnyBuffer::bytes).sum()
     }

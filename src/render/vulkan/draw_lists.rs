@@ -46,8 +46,10 @@ pub(super) struct DrawLists {
     rest_ids: Vec<u32>,
     /// Oriented polygons, or ids of patches.
     polygons: UploadBuffer,
-    /// Places of patches in images, one each where images are shown.
+    /// Places of patches in images, one each where images are shown and the lists hold no ids.
     patch_places: UploadBuffer,
+    /// Patches that show images, those of a model together.
+    pub(super) patch_runs: Vec<PageRange>,
     /// Buffers of the records that the device makes of numbers.
     whole: Option<ExpandedLists>,
     /// Constants by which the device makes filtered splats of numbers; `None` where the list holds records.
@@ -125,6 +127,7 @@ impl DrawLists {
             rest_ids: Vec::new(),
             polygons: list("polygons")?,
             patch_places: list("places of patches")?,
+            patch_runs: Vec::new(),
             whole: None,
             eye: None,
             held: None,
@@ -169,10 +172,15 @@ impl DrawLists {
             cuts.write_polygons(parts, is_by_level, &mut out[..polygons]);
             size_of_val(&out[..polygons]) as u64
         };
-        let place_bytes = match plan.primitives.textures_patches {
+        let place_bytes = match plan.primitives.textures_patches && !are_ids {
             true => self.pack_places(gpu, &cuts.patch_textures(parts))?,
             false => 0,
         };
+        self.patch_runs.clear();
+        if plan.primitives.textures_patches {
+            let pages = parts.iter().map(|part| scene.pages_of(part).0);
+            put_patch_runs(&mut self.patch_runs, pages, cuts);
+        }
         let written = self.pack_splats(gpu, input, (cuts, &large), are_ids)?;
         let primitives = plan.primitives;
         // Of those that are left after samples most are large.
@@ -370,10 +378,15 @@ impl DrawLists {
         if !input.plan.uploads_ids {
             return Ok(false);
         }
+        let polygons = cuts.polygon_count();
         let bytes = ExpandedBytes {
             splats: (count * record) as u64,
             triangles: 12 * cuts.triangle_count() as u64,
-            polygons: (cuts.polygon_count() * size_of::<OrientedPolygon>()) as u64,
+            polygons: (polygons * size_of::<OrientedPolygon>()) as u64,
+            places: match input.plan.primitives.textures_patches {
+                true => (polygons * size_of::<PatchTexture>()) as u64,
+                false => 0,
+            },
         };
         let fits = bytes.fit(gpu);
         if fits {
@@ -418,10 +431,10 @@ impl DrawLists {
         self.whole().map_or(&self.polygons, |whole| &whole.polygons)
     }
 
-    /// Places of patches in images, and their bytes; none where no images are shown.
-    pub(super) fn patch_places(&self) -> Option<(&dyn AnyBuffer, u64)> {
-        let bytes = self.held.as_ref()?.bytes.places;
-        (bytes > 0).then_some((&self.patch_places, bytes))
+    /// Places of patches in images, one each, those of the patches of `patch_runs`.
+    pub(super) fn patch_places(&self) -> &dyn AnyBuffer {
+        self.whole()
+            .map_or(&self.patch_places, |whole| &whole.places)
     }
 
     /// Corners of the triangles of `small_runs`.
@@ -514,6 +527,18 @@ fn pack_parts<R: splats::SplatRecord + Copy + Send>(
         packed.quads += found.quads;
     }
     packed
+}
+
+/// Puts the patches of each part into a list of runs, with the first page of each; parts without patches have none.
+fn put_patch_runs(runs: &mut Vec<PageRange>, pages: impl Iterator<Item = usize>, cuts: &PartCuts) {
+    let mut first = 0;
+    for (page, count) in pages.zip(cuts.patch_counts_of_parts()) {
+        let count = count as u32;
+        if count > 0 {
+            runs.push(PageRange { page, first, count });
+        }
+        first += count;
+    }
 }
 
 /// Where the device places corners of triangles.

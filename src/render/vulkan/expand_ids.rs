@@ -200,6 +200,10 @@ impl IdExpansion {
         if let Some(expansion) = &self.patches {
             let list = (patches, held.polygons, &whole.polygons);
             expansion.record(frame, on.tree, list, constants)?;
+            if !lists.patch_runs.is_empty() {
+                let list = (patches, held.polygons, &whole.places);
+                expansion.record_places(frame, on.tree, list, constants)?;
+            }
         }
         let count = |runs: &[PageRange]| runs.iter().map(|run| run.count as usize / 3).sum();
         let triangles = [

@@ -1,13 +1,13 @@
 //! Patches by number: a pass makes of each node that a list names the polygon that [`crate::patches`] would have written.
 //!
 //! So the processor writes 4 bytes for 152, and looks at no records. The device unpacks the 36 bytes of a node (48 with colors)
-//! in the same steps, to the same bits where roots and quotients round alike.
+//! in the same steps, to the same bits where roots and quotients round alike. Places in images it copies, 32 bytes each.
 
 #[cfg(test)]
 mod tests;
 
 use crate::abi::specialization::HAVE_COLORS;
-use crate::abi::{ListConstants, OrientedPolygon, shaders};
+use crate::abi::{ListConstants, OrientedPolygon, PatchTexture, shaders};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{DeviceBuffer, UploadBuffer};
 use crate::gpu::frame::FrameRecorder;
@@ -21,6 +21,7 @@ use std::sync::Arc;
 pub(super) struct PatchExpansion {
     /// Of models without and with colors.
     pipelines: [ShaderPipeline; 2],
+    places: ShaderPipeline,
 }
 
 impl PatchExpansion {
@@ -32,9 +33,44 @@ impl PatchExpansion {
             let shader = &shaders::LISTS_PATCHES_COMP;
             ShaderPipeline::compute(gpu, "lists.patches", shader, &constants)
         };
+        let places = &shaders::LISTS_PLACES_COMP;
         Ok(Self {
             pipelines: [of(false)?, of(true)?],
+            places: ShaderPipeline::compute(gpu, "lists.places", places, &[])?,
         })
+    }
+
+    /// Pass `lists.places`: writes the places in images of the patches of a list of so many numbers.
+    ///
+    /// # Errors
+    /// When the tree has no places of patches, or the frame has no room for constants.
+    pub(super) fn record_places(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        tree: &DeviceTree,
+        (ids, count, places): (&UploadBuffer, usize, &DeviceBuffer),
+        list: ListConstants,
+    ) -> Result<(), Error> {
+        let of_nodes = tree.places_of_patches()?;
+        let list = frame.uniform(&ListConstants {
+            begin: 0,
+            count: count as u32,
+            ..list
+        })?;
+        let first = |bytes: usize| (count * bytes) as u64;
+        let bound = [
+            BufferSlice::new(ids, 0, first(4)),
+            BufferSlice::whole(of_nodes),
+            BufferSlice::new(places, 0, first(size_of::<PatchTexture>())),
+        ];
+        let pass = (frame.pass("lists.places"))
+            .storage_read(ids)
+            .storage_read(of_nodes);
+        pass.storage(places).compute(|compute| {
+            compute.bind(&self.places, &[list], &bound);
+            compute.items(count as u32);
+        });
+        Ok(())
     }
 
     /// Pass `lists.patches`: writes the polygons of a list of so many numbers.

@@ -16,6 +16,8 @@ pub(super) struct ExpandedLists {
     pub(super) small: DeviceBuffer,
     /// Records of patches.
     pub(super) polygons: DeviceBuffer,
+    /// Places of patches in images.
+    pub(super) places: DeviceBuffer,
 }
 
 /// First size of each, bytes; it grows by half when a frame needs more.
@@ -27,12 +29,18 @@ pub(super) struct ExpandedBytes {
     pub(super) splats: u64,
     pub(super) triangles: u64,
     pub(super) polygons: u64,
+    /// Of places of patches in images; 0 where none are shown.
+    pub(super) places: u64,
 }
 
 impl ExpandedBytes {
     /// Tells whether each can be bound as storage.
     pub(super) fn fit(self, gpu: &Gpu) -> bool {
-        fits_bindings(gpu, [self.splats, self.triangles, self.polygons]).is_ok()
+        fits_bindings(
+            gpu,
+            [self.splats, self.triangles, self.polygons, self.places],
+        )
+        .is_ok()
     }
 }
 
@@ -52,6 +60,7 @@ impl ExpandedLists {
             "triangles by number",
             "small triangles by number",
             "patches by number",
+            "places of patches by number",
         ];
         let whole = match place {
             Some(whole) => whole,
@@ -60,6 +69,7 @@ impl ExpandedLists {
                 indices: made(names[1], FIRST_BYTES)?,
                 small: made(names[2], FIRST_BYTES)?,
                 polygons: made(names[3], FIRST_BYTES)?,
+                places: made(names[4], FIRST_BYTES)?,
             }),
         };
         let all = [
@@ -67,6 +77,7 @@ impl ExpandedLists {
             (&mut whole.indices, bytes.triangles),
             (&mut whole.small, bytes.triangles),
             (&mut whole.polygons, bytes.polygons),
+            (&mut whole.places, bytes.places),
         ];
         for ((buffer, bytes), name) in all.into_iter().zip(names) {
             if bytes > buffer.bytes() {

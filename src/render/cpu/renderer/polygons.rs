@@ -1,6 +1,6 @@
 //! Oriented polygons beside triangles and splats; and which triangles a frame draws.
 
-use crate::abi::{OrientedPolygon, PatchTexture};
+use crate::abi::OrientedPolygon;
 use crate::pack::ColorBy;
 use crate::pack::parallel;
 use crate::patches::{PatchRaster, PatchTarget};
@@ -13,9 +13,8 @@ use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
 use crate::render::cpu::seen_polygon::{SeenPolygon, seen_polygons};
 use crate::render::cpu::triangles::FrameLight;
 use crate::render::model_facts::FactedModel;
-use crate::textures::TextureImage;
+use crate::render::part_cuts::PatchPlaces;
 use crate::tree::Model;
-use std::sync::Arc;
 
 /// Rows that a thread takes.
 pub(super) const BAND_PX: usize = 16;
@@ -35,8 +34,7 @@ struct ShownPatches<'a> {
     raster: &'a PatchRaster,
     polygons: &'a [OrientedPolygon],
     /// One each where images are shown, else none.
-    textures: &'a [PatchTexture],
-    images: &'a [Arc<TextureImage>],
+    textures: &'a PatchPlaces,
 }
 
 impl CpuRenderer {
@@ -115,12 +113,12 @@ impl CpuRenderer {
         let shading = FrameShading::new(frame.constants);
         let outputs = self.planes.outputs();
         let textures = match frame.plan.primitives.textures_patches {
-            true => self.cuts.patch_textures(frame.drawn),
-            false => Vec::new(),
+            true => self.cuts.joined_patch_textures(frame.drawn),
+            false => PatchPlaces::default(),
         };
-        let mut list_bytes = size_of::<u32>() * count + size_of_val(&textures[..]);
+        let mut list_bytes = size_of::<u32>() * count + size_of_val(&textures.places[..]);
         let has_values = outputs.values || outputs.normal;
-        if shading.has_headlight() && !has_values && textures.is_empty() {
+        if shading.has_headlight() && !has_values && textures.places.is_empty() {
             let target = PatchTarget {
                 pitch: pixels.pitch,
                 colors: pixels.from(rect_px),
@@ -140,7 +138,6 @@ impl CpuRenderer {
                 raster,
                 polygons,
                 textures: &textures,
-                images: frame.drawn.single().map_or(&[], |part| part.model.images()),
             };
             let columns = columns_of(frame, pixels.pitch);
             let planes = self.planes.planes();
@@ -242,10 +239,9 @@ impl PolygonBand<'_> {
             if let Some(found) = patches.raster.pixel(patches.polygons, pixel, depth) {
                 let number = found.number as usize;
                 let patch = &patches.polygons[number];
-                let point = match patches.textures.get(number) {
-                    Some(texture) => {
-                        shading.of_textured(patch, found.uv, (texture, patches.images))
-                    }
+                let PatchPlaces { places, images } = patches.textures;
+                let point = match places.get(number) {
+                    Some(texture) => shading.of_textured(patch, found.uv, (texture, images)),
                     None => shading.of_polygon(patch, found.uv, PATCH_TINT),
                 };
                 self.put([here, row * pitch + column], point);

@@ -32,7 +32,7 @@ fn made(
 ) -> Vec<OrientedPolygon> {
     let scene = DeviceScene::new(gpu, model).unwrap();
     let mut tree = DeviceTree::new(gpu, model, &scene).unwrap();
-    tree.add_patches(gpu, records).unwrap();
+    tree.add_patches(gpu, (records, &[])).unwrap();
     let expansion = PatchExpansion::new(gpu).unwrap();
     let bytes: &[u8] = bytemuck::cast_slice(ids);
     let mut list = UploadBuffer::new(gpu, "numbers", bytes.len() as u64).unwrap();

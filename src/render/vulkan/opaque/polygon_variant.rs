@@ -1,9 +1,11 @@
 //! The pipelines by which oriented polygons are drawn.
 
+use crate::abi::PatchTexture;
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::PassBuilder;
 use crate::render::settings::PolygonSource;
+use crate::render::vulkan::raster_pass::RecordRange;
 
 /// Choice of the pipelines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,7 +29,7 @@ pub(crate) enum PolygonKind {
 }
 
 /// Polygons of a frame.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct PolygonRecords<'a> {
     /// The records, from the start of a list.
     pub(crate) polygons: &'a dyn AnyBuffer,
@@ -37,28 +39,55 @@ pub(crate) struct PolygonRecords<'a> {
 }
 
 /// Images of patches.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct PatchImages<'a> {
-    /// All images ([`crate::render::vulkan::device_textures`]).
-    pub(crate) texels: &'a dyn AnyBuffer,
-    /// Places of the patches in them, one each, and their bytes.
-    pub(crate) places: (&'a dyn AnyBuffer, u64),
+    /// Images of each model whose patches are in the list ([`crate::render::vulkan::device_textures`]), with these.
+    pub(crate) texels: Vec<(&'a dyn AnyBuffer, RecordRange)>,
+    /// Places of all patches in them, one each.
+    pub(crate) places: &'a dyn AnyBuffer,
 }
 
-impl<'a> PatchImages<'a> {
-    /// Declares that fragments of a pass read them.
-    pub(super) fn declared<'f>(self, pass: PassBuilder<'f>) -> PassBuilder<'f> {
-        pass.fragment_storage(self.texels)
-            .fragment_storage(self.places.0)
+/// Polygons of a list that are drawn with the same storage.
+pub(super) struct PolygonRun<'a> {
+    pub(super) range: RecordRange,
+    /// Storage that a pipeline binds last.
+    pub(super) images: Option<[BufferSlice<'a>; 2]>,
+}
+
+impl<'a> PolygonRecords<'a> {
+    /// Declares that fragments of a pass read the images.
+    pub(super) fn declared<'f>(&self, pass: PassBuilder<'f>) -> PassBuilder<'f> {
+        let Some(images) = &self.textures else {
+            return pass;
+        };
+        let texels = images.texels.iter().map(|&(texels, _)| texels);
+        texels.fold(pass.fragment_storage(images.places), |pass, texels| {
+            pass.fragment_storage(texels)
+        })
     }
 
-    /// Storage that a pipeline binds last.
-    pub(super) fn bound(self) -> [BufferSlice<'a>; 2] {
-        let (places, bytes) = self.places;
-        [
-            BufferSlice::whole(self.texels),
-            BufferSlice::new(places, 0, bytes),
-        ]
+    /// Runs that are drawn one after the other.
+    pub(super) fn runs(&self) -> Vec<PolygonRun<'a>> {
+        let all = RecordRange {
+            first: 0,
+            count: self.count as u32,
+        };
+        let Some(images) = &self.textures else {
+            return vec![PolygonRun {
+                range: all,
+                images: None,
+            }];
+        };
+        let places = BufferSlice::new(
+            images.places,
+            0,
+            (self.count * size_of::<PatchTexture>()) as u64,
+        );
+        let of = |&(texels, range): &(&'a dyn AnyBuffer, RecordRange)| PolygonRun {
+            range,
+            images: Some([BufferSlice::whole(texels), places]),
+        };
+        images.texels.iter().map(of).collect()
     }
 }
 

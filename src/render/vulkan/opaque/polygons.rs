@@ -6,7 +6,9 @@ use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::{DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline};
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::POLYGON;
-use crate::render::vulkan::opaque::polygon_variant::{PolygonKind, PolygonRecords, PolygonVariant};
+use crate::render::vulkan::opaque::polygon_variant::{
+    PolygonKind, PolygonRecords, PolygonRun, PolygonVariant,
+};
 use crate::render::vulkan::opaque::polygons_by_compute::PolygonCompute;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
@@ -54,35 +56,30 @@ impl PolygonPasses {
         context: &Context,
         constants: UniformBlock,
     ) -> Result<(), Error> {
-        let PolygonRecords {
-            polygons,
-            count,
-            textures,
-        } = list;
         let pipeline = match &self.drawer {
             PolygonDrawer::Rasterizer(pipeline) => pipeline,
             PolygonDrawer::Compute(compute) => {
-                return compute.record(frame, targets, list, context, constants);
+                return compute.record(frame, targets, &list, context, constants);
             }
         };
-        if count == 0 {
+        if list.count == 0 {
             return Ok(());
         }
-        let kind = self.variant.kind;
-        let mut pass = targets.attach_after(frame.pass(kind.pass()), context, false);
-        if let Some(images) = textures {
-            pass = images.declared(pass);
-        }
+        let (kind, polygons) = (self.variant.kind, list.polygons);
+        let pass = targets.attach_after(frame.pass(kind.pass()), context, false);
+        let pass = list.declared(pass);
         pass.vertices(polygons).draw(context.viewport(), |draw| {
             draw.cull_back_faces(false, false);
-            match textures {
-                Some(images) => draw.bind_storage(pipeline, &[constants], &[], &images.bound()),
-                None => draw.bind(pipeline, &[constants], &[]),
-            }
-            draw.vertices(polygons, 0);
-            match kind {
-                PolygonKind::Splats => draw.draw_fans(0, count as u32),
-                PolygonKind::Patches => draw.draw_quads(0, count as u32),
+            for PolygonRun { range, images } in list.runs() {
+                match images {
+                    Some(images) => draw.bind_storage(pipeline, &[constants], &[], &images),
+                    None => draw.bind(pipeline, &[constants], &[]),
+                }
+                draw.vertices(polygons, 0);
+                match kind {
+                    PolygonKind::Splats => draw.draw_fans(range.first, range.count),
+                    PolygonKind::Patches => draw.draw_quads(range.first, range.count),
+                }
             }
         });
         Ok(())

@@ -16,9 +16,10 @@ use crate::gpu::{Error, Gpu};
 use crate::render::compute_limits::storage_bytes;
 use crate::render::screen_bounds;
 use crate::render::technique::Technique;
-use crate::render::vulkan::opaque::polygon_variant::{PolygonKind, PolygonRecords, PolygonVariant};
+use crate::render::vulkan::opaque::polygon_variant::{
+    PolygonKind, PolygonRecords, PolygonRun, PolygonVariant,
+};
 use crate::render::vulkan::raster_pass;
-use crate::render::vulkan::raster_pass::RecordRange;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
@@ -90,23 +91,20 @@ impl PolygonCompute {
         &self,
         frame: &mut FrameRecorder<'_>,
         targets: &FrameTargets,
-        PolygonRecords {
-            polygons,
-            count,
-            textures,
-        }: PolygonRecords<'_>,
+        list: &PolygonRecords<'_>,
         context: &Context,
         constants: UniformBlock,
     ) -> Result<(), Error> {
-        if count == 0 {
+        if list.count == 0 {
             return Ok(());
         }
+        let polygons = list.polygons;
         let records = (polygons, size_of::<OrientedPolygon>() as u64);
-        let range = RecordRange {
-            first: 0,
-            count: count as u32,
-        };
-        let parts = storage_ranges::bound(frame, context, self.max_binding, records, range)?;
+        let mut parts = Vec::new();
+        for PolygonRun { range, images } in list.runs() {
+            let own = storage_ranges::bound(frame, context, self.max_binding, records, range)?;
+            parts.extend(own.into_iter().map(|part| (part, images)));
+        }
         let keys = BufferSlice::whole(&self.keys);
         let bytes = 8 * screen_bounds::pixels(context.rect_px);
         frame.pass("polygons.clear").fill(&[(&self.keys, bytes)], 0);
@@ -115,23 +113,20 @@ impl PolygonCompute {
             .storage_read(polygons)
             .storage(&self.keys);
         pass.compute(|compute| {
-            for &(part, uniform, count) in &parts {
+            for &((part, uniform, count), _) in &parts {
                 compute.bind(&self.nearest, &[constants, uniform], &[part, keys]);
                 compute.items(count * SHARERS);
             }
         });
-        let mut pass = targets
+        let pass = targets
             .attach_after(frame.pass("polygons.resolve"), context, false)
             .fragment_storage(polygons)
             .fragment_storage(&self.keys);
-        if let Some(images) = textures {
-            pass = images.declared(pass);
-        }
-        pass.draw_whole(|draw| {
-            for &(part, uniform, _) in &parts {
+        list.declared(pass).draw_whole(|draw| {
+            for &((part, uniform, _), images) in &parts {
                 let uniforms = [constants, uniform];
                 let mut storage = vec![part, keys];
-                storage.extend(textures.iter().flat_map(|images| images.bound()));
+                storage.extend(images.into_iter().flatten());
                 draw.bind_storage(&self.resolve, &uniforms, &[], &storage);
                 raster_pass::cover(draw, &[context.rect_px]);
             }

@@ -1,6 +1,7 @@
 //! Frames of the methods that draw a cut: its draw lists are written into mapped memory, then drawn.
 
 use crate::gpu::Error;
+use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, FrameTicket, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::pack::ColorBy;
@@ -28,7 +29,9 @@ use crate::render::vulkan::opaque::polygon_variant::{PatchImages, PolygonRecords
 use crate::render::vulkan::opaque::polygons::PolygonPasses;
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::overdraw;
-use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
+use crate::render::vulkan::raster_pass::{
+    PageRange, RasterList, RasterSplats, RasterTriangles, RecordRange, SplatRecords,
+};
 use crate::render::vulkan::renderer::{
     FrameEnd, FrameEnding, FrameTimes, PlannedFrame, VulkanRenderer, margin_px,
 };
@@ -318,12 +321,21 @@ impl<'a> CutPasses<'a> {
         Ok(())
     }
 
-    /// Images that patches show, and where they are in them; all pages have those of the one model.
+    /// Images that patches show, and where they are in them; all pages of a model have its images.
     fn patch_images(&self, lists: &'a DrawLists) -> Option<PatchImages<'a>> {
-        let pages = &self.drawn.scene.pages;
+        let of = |run: &PageRange| {
+            let page = &self.drawn.scene.pages[run.page];
+            let texels: &dyn AnyBuffer = &*page.textures.as_ref()?.texels;
+            let PageRange { first, count, .. } = *run;
+            Some((texels, RecordRange { first, count }))
+        };
+        if !self.drawn.plan.primitives.textures_patches {
+            return None;
+        }
+        let texels: Option<Vec<_>> = lists.patch_runs.iter().map(of).collect();
         Some(PatchImages {
-            texels: &*pages.first()?.textures.as_ref()?.texels,
-            places: lists.patch_places()?,
+            texels: texels?,
+            places: lists.patch_places(),
         })
     }
 

@@ -279,7 +279,10 @@ impl VulkanRenderer {
         let tree = self.tree_on_device(model, scene)?;
         match plan.technique {
             Technique::Filtered => tree.add_moments(&gpu, model),
-            Technique::Polygons => tree.add_patches(&gpu, facts.patches(model).records()),
+            Technique::Polygons => {
+                let patches = facts.patches(model);
+                tree.add_patches(&gpu, (patches.records(), patches.textures()))
+            }
             _ => Ok(()),
         }
     }
