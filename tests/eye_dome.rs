@@ -221,7 +221,19 @@ fn every_executor_darkens_its_picture_by_its_depths() {
                     let background = [0.2, 0.3, 0.6];
                     let wanted = darkened(&before, background, 0.5 * EXPONENT);
                     let found = picture(backend, model, &view, &dark).unwrap();
-                    compare(&format!("darkened {what}"), &before, &found, &wanted, 0);
+                    // Squares of filtered splats reach over rims, where the picture shows nothing of them and the device
+                    // has their depth.
+                    let [most_odd, most_hidden] = match splat {
+                        SplatKind::Filtered => [4, 100],
+                        _ => [0, 40],
+                    };
+                    compare(
+                        &format!("darkened {what}"),
+                        &before,
+                        &found,
+                        &wanted,
+                        most_odd,
+                    );
                     drawn[number] += 1;
                     if view.is_perspective == is_cloud {
                         continue;
@@ -233,7 +245,13 @@ fn every_executor_darkens_its_picture_by_its_depths() {
                     };
                     let wanted = occluded(&before, background, &view, (9.0, slack_of(model)));
                     let found = picture(backend, model, &view, &deep).unwrap();
-                    compare(&format!("occluded {what}"), &before, &found, &wanted, 40);
+                    compare(
+                        &format!("occluded {what}"),
+                        &before,
+                        &found,
+                        &wanted,
+                        most_hidden,
+                    );
                 }
             }
         }
@@ -284,6 +302,88 @@ fn points_without_normals_are_darkened_where_it_is_left_open() {
                 assert!(data(EyeDome::Auto) == data(EyeDome::Off));
                 assert!(data(EyeDome::On).is_none(), "it is refused");
             }
+        }
+    }
+}
+
+/// Part of its light that ambient occlusion leaves each pixel, nothing of dark ones, and distances; `None` where the backend
+/// does not draw so.
+fn opened(
+    backend: &Backend,
+    model: &Model,
+    view: &View,
+    settings: &Settings,
+) -> Option<(Vec<Option<f32>>, Vec<f32>)> {
+    let of = |ambient_occlusion| {
+        let own = Settings {
+            ambient_occlusion,
+            ..*settings
+        };
+        picture(backend, model, view, &own)
+    };
+    let [dark, plain] = [of(AmbientOcclusion::On)?, of(AmbientOcclusion::Off)?];
+    let both = dark.color.iter().zip(&plain.color);
+    let light = both.map(|(dark, plain)| {
+        (plain[1] > 50 && plain[3] > 0).then(|| f32::from(dark[1]) / f32::from(plain[1]))
+    });
+    Some((light.collect(), plain.depth))
+}
+
+/// Distances of a picture by filtered splats, and what ambient occlusion makes of them, are those of triangles: nothing is seen
+/// of how far splats are pushed away while they are blended.
+#[test]
+fn filtered_splats_lie_where_triangles_do() {
+    let device = Device::open();
+    let mut backends = vec![(Backend::Cpu, Path::Auto), (Backend::Reference, Path::Auto)];
+    if let Some(device) = &device {
+        let vulkan = Backend::Vulkan(device.gpu().clone());
+        backends.extend(device.paths().iter().map(|&path| (vulkan.clone(), path)));
+    }
+    // Large triangles beside splats, and a smooth surface.
+    let models = [
+        generated(GeneratedShape::Statue, 40_000),
+        generated(GeneratedShape::Sphere, 400_000),
+    ];
+    let usual = Settings {
+        splat: SplatKind::Filtered,
+        threshold_px: 2.0,
+        ambient_occlusion_reach_px: Some(9.0),
+        ..Settings::default()
+    };
+    for model in &models {
+        let view = orbit(model, SIZE, 30.0, 20.0, 1.0);
+        let triangles = Settings {
+            method: Method::Triangles,
+            ..usual
+        };
+        let (light, depth) = opened(&Backend::Reference, model, &view, &triangles).unwrap();
+        for (backend, path) in &backends {
+            let own = Settings {
+                path: *path,
+                ..usual
+            };
+            let what = format!("{} {path:?}", backend.name());
+            let Some((found, own_depth)) = opened(backend, model, &view, &own) else {
+                continue;
+            };
+            let both = depth.iter().zip(&own_depth);
+            let mut off: Vec<f32> = both
+                .filter(|(a, b)| a.is_finite() && b.is_finite())
+                .map(|(a, b)| (b - a) / a * view.focal_px())
+                .collect();
+            off.sort_by(f32::total_cmp);
+            let [low, median, high] = [1, 5, 9].map(|tenths| off[off.len() * tenths / 10]);
+            let both = light.iter().zip(&found);
+            let shown: Vec<f32> = both
+                .filter_map(|(a, b)| Some(((*a)? - (*b)?).abs()))
+                .collect();
+            let mean = shown.iter().sum::<f32>() / shown.len() as f32;
+            let what = format!("{what}: {low}, {median}, {high} pixels' width, light {mean}");
+            println!("{what}");
+            // Of squares of two pixels, which lie as deep as their centers, the nearest is seen: none is farther than the
+            // surface by more than a part of a pixel.
+            assert!(median < 0.1 && low > -4.0 && high < 0.5, "{what}");
+            assert!(mean < 0.06, "{what}");
         }
     }
 }

@@ -28,6 +28,8 @@ pub(crate) struct FrameContext {
     pub(crate) depth_range: [f32; 2],
     /// Height of what ambient occlusion takes for a plane, view-space units.
     pub(crate) occlusion_slack: f32,
+    /// Looks or pictures need the depth of the surface, not that of the passes that draw it.
+    pub(crate) reads_depth: bool,
 }
 
 /// Height of bumps that ambient occlusion takes for a plane, over the median radius of a cloud's points: points end as domes,
@@ -65,6 +67,9 @@ impl FrameContext {
             light: settings.light.in_model(facts.origin),
             depth_range: falsecolor::depth_range(facts.orbit_center, facts.orbit_radius, view),
             occlusion_slack: occlusion_slack(facts, view),
+            reads_depth: eye_dome_exponent(settings) > 0.0
+                || openness_power(settings) > 0.0
+                || settings.shows_photos(),
         }
     }
 

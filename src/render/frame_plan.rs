@@ -60,12 +60,9 @@ pub(crate) fn resolve_of_parts(
 /// ambient occlusion sees a pit at each splat.
 fn mixes_pushed_depths(settings: &Settings) -> bool {
     settings.method == Method::Pop
-        && match Technique::of(settings) {
-            Technique::Filtered => true,
-            // Gaussians of a pixel are pushed away by less.
-            Technique::Fuzzy => settings.threshold_px > 1.0,
-            _ => false,
-        }
+        && Technique::of(settings) == Technique::Fuzzy
+        // Gaussians of a pixel are pushed away by less.
+        && settings.threshold_px > 1.0
 }
 
 /// Resolves settings as [`resolve_settings`] does, of all that is drawn; `surrounds` tells whether a closed surface does
@@ -383,7 +380,8 @@ impl FramePlan {
             None => max_point_px,
         };
         let is_shaded = settings.color_by == ColorBy::Shading;
-        let context = FrameContext::new(&facts, view, &settings, largest_px, guard_px);
+        let mut context = FrameContext::new(&facts, view, &settings, largest_px, guard_px);
+        context.reads_depth |= outputs.depth;
         Ok(Self {
             drawn: parts.id(),
             facts,

@@ -91,6 +91,64 @@ pub fn draw(list: DrawnSplats<'_>, canvas: PictureArea, front: &mut [u32], sums:
     draw_by(Level::new(), list, canvas, (front, sums));
 }
 
+/// Leaves the nearest depths that are not pushed in `front`, where those of the passes are; of triangles they are there. The
+/// pixels of `sums` stay.
+///
+/// # Panics
+/// As [`draw`].
+pub(crate) fn leave_surface(
+    list: DrawnSplats<'_>,
+    canvas: PictureArea,
+    front: &mut [u32],
+    sums: &mut [u64],
+) {
+    let level = Level::new();
+    let mut bands = bands(canvas, front, sums);
+    let splats: usize = list.splats.iter().map(|own| own.splats.len()).sum();
+    parallel::share(splats, bands.iter_mut(), |band| {
+        let near = list.near(band.rows);
+        let has_large = list.has_large();
+        dispatch!(level, simd => leave_depths::<_, false>(simd, &near, has_large, &canvas, band));
+    });
+}
+
+/// Leaves the nearest depths of splats, pushed or not.
+#[inline(always)]
+fn leave_depths<S: Simd, const PUSHED: bool>(
+    simd: S,
+    near: &[&[FilteredSplat]],
+    has_large: bool,
+    canvas: &PictureArea,
+    band: &mut FilteredBand<'_>,
+) {
+    let mut blocks = SplatBlocks::of(near);
+    while let Some(block) = blocks.next() {
+        depth::draw::<S, PUSHED>(simd, &block, canvas, band);
+    }
+    if has_large {
+        let of = |splat: &FilteredSplat| match PUSHED {
+            true => splat.pushed_depth,
+            false => splat.depth,
+        };
+        near.iter()
+            .for_each(|splats| large::leave_depths(splats, of, canvas, band));
+    }
+}
+
+impl<'a> DrawnSplats<'a> {
+    /// Splats that may reach into some rows.
+    fn near(&self, rows: [u32; 2]) -> Vec<&'a [FilteredSplat]> {
+        let own = self.splats.iter();
+        own.flat_map(|own| own.groups.in_rows(own.splats, rows))
+            .collect()
+    }
+
+    /// Tells whether any is larger than blocks of them hold.
+    fn has_large(&self) -> bool {
+        self.splats.iter().any(|own| !own.groups.are_small())
+    }
+}
+
 /// The same by vectors of a level.
 fn draw_by(
     level: Level,
@@ -150,20 +208,9 @@ fn draw_band<S: Simd, const GRAY: bool>(
     band.front.fill(0);
     band.sums.fill(0);
     list.triangles.leave_depths(canvas, band);
-    let [first, end] = band.rows;
-    let mut near: Vec<&[FilteredSplat]> = Vec::new();
-    for own in list.splats {
-        near.extend(own.groups.in_rows(own.splats, [first, end]));
-    }
-    let mut blocks = SplatBlocks::of(&near);
-    while let Some(block) = blocks.next() {
-        depth::draw(simd, &block, canvas, band);
-    }
-    let has_large = list.splats.iter().any(|own| !own.groups.are_small());
-    if has_large {
-        near.iter()
-            .for_each(|splats| large::leave_depths(splats, canvas, band));
-    }
+    let near = list.near(band.rows);
+    leave_depths::<S, true>(simd, &near, list.has_large(), canvas, band);
+    let has_large = list.has_large();
     let mut blocks = SplatBlocks::of(&near);
     while let Some(block) = blocks.next() {
         blend::draw::<S, GRAY>(simd, &block, canvas, band);

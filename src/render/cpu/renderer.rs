@@ -500,6 +500,11 @@ impl CpuRenderer {
             };
             normalize(canvas, &params, front, sums, picture);
         }
+        if frame.context.reads_depth {
+            filtered::leave_surface(list, canvas, front, sums);
+            let bits = depths.iter_mut().zip(front.iter());
+            bits.for_each(|(depth, &front)| *depth = f32::from_bits(front));
+        }
         DrawnCounts {
             splats: splat_count,
             triangles: triangle_count,

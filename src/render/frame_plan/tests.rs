@@ -98,8 +98,8 @@ fn ambient_occlusion_leaves_out_mixed_depths() {
         (SplatKind::Visibility, 3.0, Method::Pop, true),
         (SplatKind::Gauss, 1.0, Method::Pop, true),
         (SplatKind::Gauss, 2.0, Method::Pop, false),
-        (SplatKind::Filtered, 1.0, Method::Pop, false),
-        (SplatKind::Filtered, 2.0, Method::Pop, false),
+        (SplatKind::Filtered, 1.0, Method::Pop, true),
+        (SplatKind::Filtered, 2.0, Method::Pop, true),
         (SplatKind::Filtered, 2.0, Method::Splats, true),
         (SplatKind::Filtered, 2.0, Method::Triangles, true),
     ] {

@@ -28,9 +28,9 @@ const LIMIT_PX: f32 = 1e9;
 pub struct FilteredRendering {
     /// The picture after the third pass.
     ///
-    /// [`Image::depth`], where asked for, holds the view-space distance of [`FilteredRendering::front`] at covered pixels:
-    /// farther than the nearest surface by its depth offset, and infinite where that lies on or behind the far
-    /// plane. [`Image::normal`] is zero everywhere: a mean over patches has no normal.
+    /// [`Image::depth`], where asked for, holds the view-space distance of the nearest square or triangle at covered pixels,
+    /// where it lies: not pushed as [`FilteredRendering::front`] is. It is infinite where that is on or behind the far plane, or
+    /// no square reaches. [`Image::normal`] is zero everywhere: a mean over patches has no normal.
     pub image: Image,
     /// Reversed depth (1 at the near, 0 at the far plane) of the nearest pushed surface at each pixel after the
     /// first pass, row by row from the top left; 0 where nothing is.
@@ -84,12 +84,15 @@ pub fn render_filtered(
 
     // Depth.
     target.draw(list.triangles, place, |pixel, _, sample| {
-        pixel.keep_nearest(sample.depth);
+        pixel.keep_nearest(sample.depth, sample.depth);
     });
     target.draw(
         list.splats,
         |splat| set_up_pushed(&frame, splat),
-        |pixel, splat, _| pixel.keep_nearest(splat.fragment),
+        |pixel, splat, _| {
+            let [pushed, own] = splat.fragment;
+            pixel.keep_nearest(pushed, own);
+        },
     );
 
     // Blend.
@@ -118,15 +121,20 @@ pub fn render_filtered(
 struct FilteredPixel {
     /// Reversed depth of the nearest pushed surface; 0 where nothing is.
     front: f32,
+    /// That of the nearest surface where it lies.
+    surface: f32,
     /// Color times weight, and weight.
     sum: Vec4,
 }
 
 impl FilteredPixel {
-    /// The depth test of the first pass: nearer wins; a depth of 0 or NaN never does.
-    fn keep_nearest(&mut self, depth: f32) {
-        if depth > self.front {
-            self.front = depth;
+    /// The depth test of the first pass: nearer wins; a depth of 0 or NaN never does. `own` is not pushed.
+    fn keep_nearest(&mut self, pushed: f32, own: f32) {
+        if pushed > self.front {
+            self.front = pushed;
+        }
+        if own > self.surface {
+            self.surface = own;
         }
     }
 
@@ -147,14 +155,14 @@ fn center_of(frame: &ReferenceFrame, splat: &FilteredSplat) -> Option<[i64; 2]> 
         .then(|| splat.window_px.map(|c| frame.grid.snap(f64::from(c))))
 }
 
-/// A splat in the first pass: a square with a pushed depth.
-fn set_up_pushed(frame: &ReferenceFrame, splat: &FilteredSplat) -> Option<RasterSplat<f32>> {
+/// A splat in the first pass: a square with a pushed depth, and its own.
+fn set_up_pushed(frame: &ReferenceFrame, splat: &FilteredSplat) -> Option<RasterSplat<[f32; 2]>> {
     let center = center_of(frame, splat)?;
     let side = frame.grid.snap(f64::from(splat.side_px).max(1.0));
     let square = SquareFootprint::of_steps(frame, center, side);
     Some(RasterSplat {
         footprint: SplatFootprint::Square(square),
-        fragment: splat.pushed_depth,
+        fragment: [splat.pushed_depth, splat.depth],
     })
 }
 

@@ -1,4 +1,5 @@
-//! The first pass: the nearest pushed depth of each pixel, see `shaders/common/square.glsl`.
+//! The first pass: the nearest pushed depth of each pixel, see `shaders/common/square.glsl`. The last: the nearest that is not
+//! pushed.
 
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::render::cpu::filtered::splat_block::{BLOCK, Block, LANES, ROW, SetLanes, part};
@@ -6,18 +7,22 @@ use crate::render::cpu::filtered::{FilteredBand, PictureArea};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x16, i32x16, u32x4};
 
-/// Leaves the pushed depths of a block of splats in the pixels of their squares.
+/// Leaves the depths of a block of splats, pushed or not, in the pixels of their squares.
 #[inline(always)]
-pub(super) fn draw<S: Simd>(
+pub(super) fn draw<S: Simd, const PUSHED: bool>(
     simd: S,
     block: &Block<'_>,
     canvas: &PictureArea,
     band: &mut FilteredBand<'_>,
 ) {
     let [x, y, pushed, own_side] = part(simd, block, 0);
+    let shown = match PUSHED {
+        true => pushed,
+        false => part(simd, block, 4)[0],
+    };
     let [left, top, right, bottom] = canvas.rect_px;
     let side = own_side.max(f32x16::splat(simd, 1.0));
-    let is_drawn = pushed.simd_gt(0.0)
+    let is_drawn = shown.simd_gt(0.0)
         & own_side.simd_le(LARGEST_SMALL_BLENDED_PX)
         & (x + side).simd_gt(left as f32)
         & (x - side).simd_lt(right as f32)
@@ -36,7 +41,7 @@ pub(super) fn draw<S: Simd>(
     let last = middle + rows.simd_gt(2).select(stride, zero);
     let whole = band.front.len() as i32 - ROW as i32;
     let is_short = rows.simd_le(3) & columns.simd_le(ROW as i32) & last.simd_le(whole);
-    let depths: [u32; BLOCK] = pushed.to_bits().to_array();
+    let depths: [u32; BLOCK] = shown.to_bits().to_array();
     let (at, middle, last) = (at.to_array(), middle.to_array(), last.to_array());
     let columns = columns.to_array();
     for lane in SetLanes((is_drawn & is_short).to_bitmask()) {

@@ -12,15 +12,16 @@ fn is_large(splat: &FilteredSplat) -> bool {
     splat.side_px > LARGEST_SMALL_BLENDED_PX
 }
 
-/// Leaves the pushed depths of the large ones of some splats in the pixels of their squares.
+/// Leaves depths, by `of`, of the large ones of some splats in the pixels of their squares.
 pub(super) fn leave_depths(
     splats: &[FilteredSplat],
+    of: impl Fn(&FilteredSplat) -> f32,
     canvas: &PictureArea,
     band: &mut FilteredBand<'_>,
 ) {
     let [left, _, right, _] = canvas.rect_px;
     for splat in splats.iter().filter(|splat| is_large(splat)) {
-        let depth = splat.pushed_depth.to_bits();
+        let depth = of(splat).to_bits();
         let columns = pixels_around(splat.window_px[0], splat.side_px, [left, right]);
         for y in pixels_around(splat.window_px[1], splat.side_px, band.rows) {
             for x in columns.clone() {

@@ -91,7 +91,7 @@ impl FilteredSums<'_> {
         let [r, g, b] = (own * covered + behind * (1.0 - covered)).to_array();
         Some(ShownPixel {
             color: [r, g, b, alpha.max(LEAST_ALPHA)],
-            distance: self.view.distance_of_depth(pixel.front),
+            distance: self.view.distance_of_depth(pixel.surface),
             normal: [0.0; 3],
         })
     }

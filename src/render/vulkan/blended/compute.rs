@@ -39,6 +39,7 @@ struct PassNames {
     merge: &'static str,
     blend: &'static str,
     normalize: &'static str,
+    surface: &'static str,
 }
 
 /// The passes of one kind of splats.
@@ -54,6 +55,8 @@ pub(crate) struct BlendedKind {
     pushes_triangles: bool,
     /// Depth and blending of splats ask the frame; else they come with all that is asked for.
     needs_frame: [bool; 2],
+    /// Its shader of depths can leave those that are not pushed.
+    has_surface: bool,
     /// Invocations that share a splat.
     sharers: u32,
 }
@@ -67,6 +70,7 @@ pub(crate) const FILTERED: BlendedKind = BlendedKind {
         merge: "filtered.merge",
         blend: "filtered.blend",
         normalize: "filtered.normalize",
+        surface: "filtered.surface",
     },
     depth: &shaders::FILTERED_DEPTH_COMP,
     blend: &shaders::FILTERED_BLEND_COMP,
@@ -74,6 +78,7 @@ pub(crate) const FILTERED: BlendedKind = BlendedKind {
     record: size_of::<FilteredSplat>() as u64,
     pushes_triangles: false,
     needs_frame: [false; 2],
+    has_surface: true,
     sharers: 1,
 };
 
@@ -85,6 +90,7 @@ const FUZZY_PASSES: PassNames = PassNames {
     merge: "fuzzy.merge",
     blend: "fuzzy.blend",
     normalize: "fuzzy.normalize",
+    surface: "fuzzy.surface",
 };
 
 /// Fuzzy splats.
@@ -97,6 +103,7 @@ pub(crate) const FUZZY: BlendedKind = BlendedKind {
     pushes_triangles: true,
     // How far Gaussians are widened.
     needs_frame: [false, true],
+    has_surface: false,
     sharers: 1,
 };
 
@@ -109,6 +116,7 @@ pub(crate) const POLYGONS: BlendedKind = BlendedKind {
     record: size_of::<OrientedPolygon>() as u64,
     pushes_triangles: false,
     needs_frame: [true; 2],
+    has_surface: false,
     sharers: 32,
 };
 
@@ -140,6 +148,8 @@ pub(crate) struct OwnConstants<'a> {
 pub(crate) struct ComputeBlending {
     kind: &'static BlendedKind,
     depth: ShaderPipeline,
+    /// Depths that are not pushed.
+    surface: Option<ShaderPipeline>,
     depth_triangles: ShaderPipeline,
     blend: ShaderPipeline,
     blend_triangles: ShaderPipeline,
@@ -163,10 +173,12 @@ pub(crate) struct ComputeInput<'a> {
     pub(crate) triangles: TriangleRanges<'a>,
 }
 
-/// Part of a frame that the rasterizer draws: its passes depth and blend.
+/// Part of a frame that the rasterizer draws: its passes depth, blend and surface.
 pub(crate) struct RasterizedPart<'a> {
     pub(crate) depth: &'a dyn Fn(&mut FrameRecorder<'_>),
     pub(crate) blend: &'a dyn Fn(&mut FrameRecorder<'_>),
+    /// Depths that are not pushed.
+    pub(crate) surface: &'a dyn Fn(&mut FrameRecorder<'_>),
 }
 
 /// Lists, bound.
@@ -247,10 +259,22 @@ impl ComputeBlending {
             Some(flags) => ShaderPipeline::compute_for_flags(gpu, name, shader, values, flags),
             None => ShaderPipeline::compute(gpu, name, shader, values),
         };
+        let pushed = |value| [constants.depth, &[IS_PUSHED.is(value)]].concat();
         let storage = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::Storage, bytes);
         Ok(Self {
             kind,
-            depth: of_splats("depth of small splats", kind.depth, constants.depth)?,
+            depth: match kind.has_surface {
+                true => of_splats("depth of small splats", kind.depth, &pushed(true))?,
+                false => of_splats("depth of small splats", kind.depth, constants.depth)?,
+            },
+            surface: match kind.has_surface {
+                true => Some(of_splats(
+                    "surface of small splats",
+                    kind.depth,
+                    &pushed(false),
+                )?),
+                false => None,
+            },
             depth_triangles: compute(
                 "depth of small triangles",
                 &shaders::COMPUTE_DEPTH_TRIANGLES_COMP,
@@ -305,12 +329,22 @@ impl ComputeBlending {
         self.clear(frame, rastered.map(|_| targets.depth()), context);
         self.depth(frame, &ready, constants);
         if let Some(rastered) = rastered {
-            self.merge(frame, targets.depth(), context)?;
+            self.merge(frame, self.kind.passes.merge, targets.depth(), context)?;
             (rastered.blend)(frame);
         }
         self.blend(frame, &ready, constants);
-        let rastered = rastered.map(|_| sums);
-        self.normalize(frame, targets, (rastered, sums), context, constants)
+        let of_raster = rastered.map(|_| sums);
+        self.normalize(frame, targets, (of_raster, sums), context, constants)?;
+        match &self.surface {
+            Some(surface) if context.reads_depth => {
+                if let Some(rastered) = rastered {
+                    (rastered.surface)(frame);
+                }
+                self.surface(frame, &ready, surface, constants);
+                self.merge(frame, self.kind.passes.surface, targets.depth(), context)
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
@@ -349,19 +383,41 @@ impl ComputeBlending {
             });
     }
 
-    /// Pass `merge`: brings the front to the depth target, for what the rasterizer blends.
+    /// Pass `surface`: the nearest depth of each pixel that is not pushed, in the place of the others.
+    fn surface(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        list: &BoundLists<'_>,
+        pipeline: &ShaderPipeline,
+        constants: UniformBlock,
+    ) {
+        let front = BufferSlice::whole(&self.front);
+        let pass = frame.pass(self.kind.passes.surface);
+        let pass = pass.storage_read(list.list.splats).storage(&self.front);
+        pass.compute(|compute| {
+            for &(part, uniform, count) in &list.splats {
+                let both = [constants, uniform];
+                let uniforms = self.kind.uniforms(&both, 0);
+                compute.bind(pipeline, uniforms, &[part, front]);
+                compute.items(count * self.kind.sharers);
+            }
+        });
+    }
+
+    /// Pass `merge` or another: brings the front to the depth target, where the nearer stays.
     ///
     /// # Errors
     /// When the frame has no room for constants.
     fn merge(
         &self,
         frame: &mut FrameRecorder<'_>,
+        name: &'static str,
         depth: &Target,
         context: &Context,
     ) -> Result<(), Error> {
         let picture = frame.uniform(&storage_ranges::constants(context))?;
         let pass = frame
-            .pass(self.kind.passes.merge)
+            .pass(name)
             .depth(depth, TargetLoad::Keep)
             .fragment_storage(&self.front);
         let screen = ScreenDraw {

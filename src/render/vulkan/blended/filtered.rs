@@ -3,12 +3,13 @@
 //! Two-pass splatting (Benda, section 2.3.3; Rusinkiewicz and Levoy, section 3.3) with weights of our own
 //! ([`crate::pack::filtered`]): `filtered.depth` finds the front surface and pushes it away by a splat's depth,
 //! `filtered.blend` sums (color * weight, weight) of all that is not behind it, `filtered.normalize` divides.
+//! Where looks or pictures need the depth, `filtered.surface` leaves that of the nearest splat as it lies.
 //! The sums are 32-bit floats: a pixel adds up thousands of small weights, which 16 bits lose.
 
 #[cfg(test)]
 mod tests;
 
-use crate::abi::specialization::{HAS_LAMP, LARGE_ONLY};
+use crate::abi::specialization::{HAS_LAMP, IS_PUSHED, LARGE_ONLY};
 use crate::abi::{FilteredSplat, shaders};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::{DeviceImage as Target, ImageFormat};
@@ -45,6 +46,7 @@ const SUMS: ImageFormat = ImageFormat::Rgba32Float;
 pub(crate) struct FilteredPasses {
     depth_triangles: ShaderPipeline,
     depth_splats: ShaderPipeline,
+    surface_splats: ShaderPipeline,
     blend_triangles: ShaderPipeline,
     blend_splats: ShaderPipeline,
     normalize: ShaderPipeline,
@@ -71,6 +73,7 @@ pub(crate) struct FilteredVariant {
 struct ByCompute {
     twin: ComputeBlending,
     depth_splats: ShaderPipeline,
+    surface_splats: ShaderPipeline,
     blend_splats: ShaderPipeline,
 }
 
@@ -114,16 +117,18 @@ impl FilteredPasses {
             is_additive: true,
             ..base
         };
-        let depth_splats = |value| {
+        let of_depth = |name, value, is_pushed| {
             ShaderPipeline::new(
                 gpu,
                 &PipelineDescription {
-                    name: "filtered.depth splats",
-                    constants: &[LARGE_ONLY.is(value)],
+                    name,
+                    constants: &[LARGE_ONLY.is(value), IS_PUSHED.is(is_pushed)],
                     ..base
                 },
             )
         };
+        let depth_splats = |value| of_depth("filtered.depth splats", value, true);
+        let surface_splats = |value| of_depth("filtered.surface splats", value, false);
         let blend_splats = |value| {
             ShaderPipeline::new(
                 gpu,
@@ -147,6 +152,7 @@ impl FilteredPasses {
                     OwnConstants::default(),
                 )?,
                 depth_splats: depth_splats(true)?,
+                surface_splats: surface_splats(true)?,
                 blend_splats: blend_splats(true)?,
             }),
         };
@@ -173,6 +179,7 @@ impl FilteredPasses {
                 },
             )?,
             depth_splats: depth_splats(false)?,
+            surface_splats: surface_splats(false)?,
             blend_triangles: ShaderPipeline::new(
                 gpu,
                 &PipelineDescription {
@@ -225,11 +232,22 @@ impl FilteredPasses {
             self.raster_depth(frame, targets, all, &self.depth_splats, context, constants);
             self.raster_blend(frame, targets, all, &self.blend_splats, context, constants);
             self.normalize(frame, targets, context, constants);
+            if context.reads_depth {
+                self.raster_surface(
+                    frame,
+                    targets,
+                    all,
+                    &self.surface_splats,
+                    context,
+                    constants,
+                );
+            }
             return Ok(());
         };
         let ByCompute {
             twin,
             depth_splats,
+            surface_splats,
             blend_splats,
         } = by_compute;
         let large = match share {
@@ -242,6 +260,9 @@ impl FilteredPasses {
             },
             blend: &|frame| {
                 self.raster_blend(frame, targets, &large, blend_splats, context, constants);
+            },
+            surface: &|frame| {
+                self.raster_surface(frame, targets, &large, surface_splats, context, constants);
             },
         };
         let rastered = ((!large.is_empty()).then_some(&rastered), &self.sums);
@@ -263,6 +284,23 @@ impl FilteredPasses {
             .depth(targets.depth(), TargetLoad::Clear([0.0; 4]));
         let pipelines = pipelines(&self.depth_triangles, splats);
         raster_pass::draw(pass, list, pipelines, context, constants);
+    }
+
+    /// Pass `filtered.surface` by the rasterizer: the depth of splats where they lie, nearer than what the passes before left.
+    fn raster_surface(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: &RasterList<'_>,
+        splats: &ShaderPipeline,
+        context: &Context,
+        constants: UniformBlock,
+    ) {
+        let pass = frame
+            .pass("filtered.surface")
+            .depth(targets.depth(), TargetLoad::Keep);
+        let pipelines = pipelines(&self.depth_triangles, splats);
+        raster_pass::draw(pass, &list.only_splats(), pipelines, context, constants);
     }
 
     /// Pass `filtered.blend` by the rasterizer: sums of what is not behind that depth.

@@ -408,6 +408,7 @@ impl FuzzyPasses {
         let rastered = compute::RasterizedPart {
             depth: &|frame| self.raster_depth(frame, targets, list, context, constants),
             blend: &|frame| self.raster_blend(frame, targets, list, context, constants),
+            surface: &|_| {},
         };
         let is_rastered = !list.raster.is_empty();
         let rastered = (is_rastered.then_some(&rastered), &self.sums);

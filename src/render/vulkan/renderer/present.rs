@@ -245,6 +245,7 @@ impl VulkanRenderer {
             is_mirrored: false,
             light: SurfaceLighting::Headlight,
             depth_range: [0.0, 1.0],
+            reads_depth: false,
             occlusion_slack: 0.0,
         };
         self.looks.forget();

@@ -151,6 +151,7 @@ fn context(rect_px: [u32; 4]) -> Context {
     Context {
         depth_range: [0.0, 1.0],
         occlusion_slack: 0.0,
+        reads_depth: true,
         width: SIZE.0,
         height: SIZE.1,
         guard_px: 40,
