@@ -16,7 +16,7 @@ enum EyeDomeName {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum AmbientOcclusionName {
-    /// On what has normals; not on Gaussians above a pixel beside triangles
+    /// Models with normals, but not Gaussians above a pixel beside triangles
     Auto,
     /// On everything
     On,

@@ -95,7 +95,7 @@ pub fn draw(list: DrawnSplats<'_>, canvas: PictureArea, front: &mut [u32], sums:
 /// pixels of `sums` stay.
 ///
 /// # Panics
-/// As [`draw`].
+/// When `front` or `sums` is too short, as in [`draw`].
 pub(crate) fn leave_surface(
     list: DrawnSplats<'_>,
     canvas: PictureArea,

@@ -121,7 +121,7 @@ pub fn render_filtered(
 struct FilteredPixel {
     /// Reversed depth of the nearest pushed surface; 0 where nothing is.
     front: f32,
-    /// That of the nearest surface where it lies.
+    /// Reversed depth of the nearest surface where it lies.
     surface: f32,
     /// Color times weight, and weight.
     sum: Vec4,

@@ -29,7 +29,7 @@ pub(super) struct ExpandedBytes {
     pub(super) splats: u64,
     pub(super) triangles: u64,
     pub(super) polygons: u64,
-    /// Of places of patches in images; 0 where none are shown.
+    /// Places of patches in images; 0 where none are shown.
     pub(super) places: u64,
 }
 

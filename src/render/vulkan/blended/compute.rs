@@ -55,8 +55,6 @@ pub(crate) struct BlendedKind {
     pushes_triangles: bool,
     /// Depth and blending of splats ask the frame; else they come with all that is asked for.
     needs_frame: [bool; 2],
-    /// Its shader of depths can leave those that are not pushed.
-    has_surface: bool,
     /// Invocations that share a splat.
     sharers: u32,
 }
@@ -78,7 +76,6 @@ pub(crate) const FILTERED: BlendedKind = BlendedKind {
     record: size_of::<FilteredSplat>() as u64,
     pushes_triangles: false,
     needs_frame: [false; 2],
-    has_surface: true,
     sharers: 1,
 };
 
@@ -103,7 +100,6 @@ pub(crate) const FUZZY: BlendedKind = BlendedKind {
     pushes_triangles: true,
     // How far Gaussians are widened.
     needs_frame: [false, true],
-    has_surface: false,
     sharers: 1,
 };
 
@@ -116,7 +112,6 @@ pub(crate) const POLYGONS: BlendedKind = BlendedKind {
     record: size_of::<OrientedPolygon>() as u64,
     pushes_triangles: false,
     needs_frame: [true; 2],
-    has_surface: false,
     sharers: 32,
 };
 
@@ -135,6 +130,8 @@ const _: () = assert!(u32::MAX as u64 / POLYGONS.sharers as u64 > (1 << 32) / PO
 pub(crate) struct OwnConstants<'a> {
     /// Of [`BlendedKind::depth`].
     pub(crate) depth: &'a [ConstantValue],
+    /// Values with which it leaves depths that are not pushed; `None` where it cannot.
+    pub(crate) surface: Option<&'a [ConstantValue]>,
     /// Of [`BlendedKind::blend`].
     pub(crate) blend: &'a [ConstantValue],
     /// Of [`BlendedKind::normalize`].
@@ -259,22 +256,13 @@ impl ComputeBlending {
             Some(flags) => ShaderPipeline::compute_for_flags(gpu, name, shader, values, flags),
             None => ShaderPipeline::compute(gpu, name, shader, values),
         };
-        let pushed = |value| [constants.depth, &[IS_PUSHED.is(value)]].concat();
         let storage = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::Storage, bytes);
         Ok(Self {
             kind,
-            depth: match kind.has_surface {
-                true => of_splats("depth of small splats", kind.depth, &pushed(true))?,
-                false => of_splats("depth of small splats", kind.depth, constants.depth)?,
-            },
-            surface: match kind.has_surface {
-                true => Some(of_splats(
-                    "surface of small splats",
-                    kind.depth,
-                    &pushed(false),
-                )?),
-                false => None,
-            },
+            depth: of_splats("depth of small splats", kind.depth, constants.depth)?,
+            surface: (constants.surface)
+                .map(|values| of_splats("surface of small splats", kind.depth, values))
+                .transpose()?,
             depth_triangles: compute(
                 "depth of small triangles",
                 &shaders::COMPUTE_DEPTH_TRIANGLES_COMP,

@@ -3,7 +3,7 @@
 //! Two-pass splatting (Benda, section 2.3.3; Rusinkiewicz and Levoy, section 3.3) with weights of our own
 //! ([`crate::pack::filtered`]): `filtered.depth` finds the front surface and pushes it away by a splat's depth,
 //! `filtered.blend` sums (color * weight, weight) of all that is not behind it, `filtered.normalize` divides.
-//! Where looks or pictures need the depth, `filtered.surface` leaves that of the nearest splat as it lies.
+//! Pass `filtered.surface` leaves the depth of the nearest splat as it lies, where looks or pictures need it.
 //! The sums are 32-bit floats: a pixel adds up thousands of small weights, which 16 bits lose.
 
 #[cfg(test)]
@@ -149,7 +149,11 @@ impl FilteredPasses {
                     &compute::FILTERED,
                     [width, height],
                     (is_gray, variant.has_lamp, variant.color),
-                    OwnConstants::default(),
+                    OwnConstants {
+                        depth: &[IS_PUSHED.is(true)],
+                        surface: Some(&[IS_PUSHED.is(false)]),
+                        ..OwnConstants::default()
+                    },
                 )?,
                 depth_splats: depth_splats(true)?,
                 surface_splats: surface_splats(true)?,

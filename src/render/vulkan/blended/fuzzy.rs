@@ -248,6 +248,7 @@ fn twin(
     };
     let constants = OwnConstants {
         depth,
+        surface: None,
         blend,
         normalize: &[coverage],
         flags: variant.are_polygons.then_some(variant.flags),
