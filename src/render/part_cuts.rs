@@ -241,9 +241,8 @@ impl PartCuts {
 
     /// Number of patches of each part; nothing where there are no patches.
     pub(crate) fn patch_counts_of_parts(&self) -> impl Iterator<Item = usize> {
-        let own = self.patches[..self.count].iter();
-        own.filter(|_| self.has_patches())
-            .map(|cut| cut.patches.len())
+        let own = self.patches.iter().filter(|_| self.has_patches());
+        own.map(|cut| cut.patches.len())
     }
 
     /// Ids of the patches of a frame of one part; none where it draws no patches.
