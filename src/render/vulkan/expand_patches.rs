@@ -10,7 +10,7 @@ use crate::abi::specialization::HAVE_COLORS;
 use crate::abi::{ListConstants, OrientedPolygon, PatchTexture, shaders};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{DeviceBuffer, UploadBuffer};
-use crate::gpu::frame::FrameRecorder;
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::device_tree::DeviceTree;
@@ -22,6 +22,22 @@ pub(super) struct PatchExpansion {
     /// Of models without and with colors.
     pipelines: [ShaderPipeline; 2],
     places: ShaderPipeline,
+}
+
+/// The uniform block of so many items of a list, from the first on.
+///
+/// # Errors
+/// When the frame has no room for it.
+fn all_of(
+    frame: &mut FrameRecorder<'_>,
+    count: usize,
+    list: ListConstants,
+) -> Result<UniformBlock, Error> {
+    frame.uniform(&ListConstants {
+        begin: 0,
+        count: count as u32,
+        ..list
+    })
 }
 
 impl PatchExpansion {
@@ -52,11 +68,7 @@ impl PatchExpansion {
         list: ListConstants,
     ) -> Result<(), Error> {
         let of_nodes = tree.places_of_patches()?;
-        let list = frame.uniform(&ListConstants {
-            begin: 0,
-            count: count as u32,
-            ..list
-        })?;
+        let list = all_of(frame, count, list)?;
         let first = |bytes: usize| (count * bytes) as u64;
         let bound = [
             BufferSlice::new(ids, 0, first(4)),
@@ -90,11 +102,7 @@ impl PatchExpansion {
         let patches = tree.patches()?;
         // What is bound in the place of colors is not read.
         let colors = patches.colors.as_ref().unwrap_or(&patches.records);
-        let list = frame.uniform(&ListConstants {
-            begin: 0,
-            count: count as u32,
-            ..list
-        })?;
+        let list = all_of(frame, count, list)?;
         let first = |bytes: usize| (count * bytes) as u64;
         let bound = [
             BufferSlice::new(ids, 0, first(4)),
