@@ -274,6 +274,7 @@ fn patch_ways(device: &Device) -> Vec<(&'static str, Settings)> {
         tolerances,
         is_strict: false,
         tiny_polygons,
+        covers_rims: true,
     };
     let usual = |tiny_polygons| Settings {
         path: Path::Raster,

@@ -25,6 +25,7 @@ fn rules(rim_px: f32, inside_px: f32, shade_levels: f32) -> PatchRules {
         },
         is_strict: false,
         tiny_polygons: false,
+        covers_rims: false,
     }
 }
 

@@ -266,6 +266,7 @@ fn patches(path: Path) -> Settings {
             tolerances,
             is_strict: false,
             tiny_polygons: false,
+            covers_rims: true,
         }),
         ..settings(Method::Pop, SplatKind::Square)
     }

@@ -20,6 +20,9 @@ layout(constant_id = 0) const bool ARE_PATCHES = false;
 layout(location = 0) out vec4 shown_color;
 #ifdef NORMALS
 layout(location = 1) out vec4 shown_normal;
+layout(location = 2) out uint shown_number;
+#else
+layout(location = 1) out uint shown_number;
 #endif
 
 void main() {
@@ -55,4 +58,5 @@ void main() {
     shown_normal = vec4(n * mat3(frame.view_from_model) / frame.model_scale, 1.0);
 #endif
     gl_FragDepth = uintBitsToFloat(uint(key >> 32));
+    shown_number = list.first + item + 1u;
 }

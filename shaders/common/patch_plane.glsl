@@ -36,20 +36,9 @@ struct PatchPixel {
     vec2 foot;
 };
 
-// Sets `pixel` to what the ray through a window position sees of a patch; false where that does not reach it.
-bool patch_pixel(PatchPlane patch_plane, vec2 window, out PatchPixel pixel) {
+// Sets `pixel` to what the ray through a window position sees of a patch that it meets so far inside, pixels.
+void patch_pixel_of(PatchPlane patch_plane, vec2 window, float inside, out PatchPixel pixel) {
     vec3 at = vec3(window - patch_plane.shape_and_middle.zw, 1.0);
-    float inside = 1e30;
-    for (int i = 0; i < 2; i++) {
-        vec4 a = patch_plane.sides[3 * i];
-        vec4 b = patch_plane.sides[3 * i + 1];
-        vec4 c = patch_plane.sides[3 * i + 2];
-        inside = min(inside, min(dot(a.xyz, at), dot(vec3(a.w, b.xy), at)));
-        inside = min(inside, min(dot(vec3(b.zw, c.x), at), dot(c.yzw, at)));
-    }
-    if (inside < -patch_plane.limits.z) {
-        return false;
-    }
     bool is_parallel = has_flag(FLAG_ORTHOGRAPHIC);
     float on_plane = dot(patch_plane.plane.xyz, at);
     float distance = is_parallel ? on_plane : 1.0 / on_plane;
@@ -74,6 +63,23 @@ bool patch_pixel(PatchPlane patch_plane, vec2 window, out PatchPixel pixel) {
     vec2 depth = frame.clip_from_view[2].zw * -shown + frame.clip_from_view[3].zw;
     // What was pushed back stays in the picture: it may be all that covers this pixel. Nothing is seen at a depth of 0.
     pixel.depth = clamp(depth.x / depth.y, 1e-37, 1.0);
+}
+
+// Sets `pixel` to what the ray through a window position sees of a patch; false where that does not reach it.
+bool patch_pixel(PatchPlane patch_plane, vec2 window, out PatchPixel pixel) {
+    vec3 at = vec3(window - patch_plane.shape_and_middle.zw, 1.0);
+    float inside = 1e30;
+    for (int i = 0; i < 2; i++) {
+        vec4 a = patch_plane.sides[3 * i];
+        vec4 b = patch_plane.sides[3 * i + 1];
+        vec4 c = patch_plane.sides[3 * i + 2];
+        inside = min(inside, min(dot(a.xyz, at), dot(vec3(a.w, b.xy), at)));
+        inside = min(inside, min(dot(vec3(b.zw, c.x), at), dot(c.yzw, at)));
+    }
+    if (inside < -patch_plane.limits.z) {
+        return false;
+    }
+    patch_pixel_of(patch_plane, window, inside, pixel);
     return true;
 }
 

@@ -23,6 +23,9 @@ layout(location = 15) flat in vec2 color_c;
 layout(location = 0) out vec4 color;
 #ifdef NORMALS
 layout(location = 1) out vec4 normal;
+layout(location = 2) out uint shown_number;
+#else
+layout(location = 1) out uint shown_number;
 #endif
 
 void main() {
@@ -34,6 +37,7 @@ void main() {
         discard;
     }
     gl_FragDepth = pixel.depth;
+    shown_number = uint(color_c.y) + 1u;
     vec3 n = unit_or_zero(patch_normal(own, pixel.foot));
 #ifdef HAS_TEXTURES
     vec3 base = textured_color(uint(color_c.y), own, pixel);

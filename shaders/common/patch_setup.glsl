@@ -131,3 +131,13 @@ void set_up_patch(out PatchPlane patch_plane, out PatchRectangle rectangle) {
     rectangle.distance = clamp(-c.z, near, far);
     rectangle.is_gone = faces_away(c) || nearest <= 0.0 && !is_parallel;
 }
+
+// Whether a window position lies in the rectangle around a patch.
+bool is_in_rectangle(PatchPlane own, PatchRectangle rectangle, vec2 window) {
+    vec2 at = window - own.shape_and_middle.zw;
+    float p = dot(at, rectangle.direction);
+    float q = dot(at, vec2(-rectangle.direction.y, rectangle.direction.x));
+    float margin = own.limits.z;
+    return p >= rectangle.ends.x - margin && p <= rectangle.ends.y + margin && q >= rectangle.across.x - margin
+        && q <= rectangle.across.y + margin;
+}

@@ -36,16 +36,6 @@ ivec4 pixels_of_patch(PatchPlane own, PatchRectangle rectangle) {
     return pixels_between(middle + low - margin, middle + high + margin);
 }
 
-// Whether a window position lies in the rectangle around a patch.
-bool is_in(PatchPlane own, PatchRectangle rectangle, vec2 window) {
-    vec2 at = window - own.shape_and_middle.zw;
-    float p = dot(at, rectangle.direction);
-    float q = dot(at, vec2(-rectangle.direction.y, rectangle.direction.x));
-    float margin = own.limits.z;
-    return p >= rectangle.ends.x - margin && p <= rectangle.ends.y + margin && q >= rectangle.across.x - margin
-        && q <= rectangle.across.y + margin;
-}
-
 void main() {
     uint item = ITEM / gl_WorkGroupSize.x;
     if (item >= list.count) {
@@ -73,7 +63,7 @@ void main() {
         bool is_covered;
         if (ARE_PATCHES) {
             PatchPixel seen;
-            is_covered = patch_pixel(patch_plane, window, seen) && is_in(patch_plane, rectangle, window);
+            is_covered = patch_pixel(patch_plane, window, seen) && is_in_rectangle(patch_plane, rectangle, window);
             depth = seen.depth;
         } else {
             DiscPixel seen;

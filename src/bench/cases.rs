@@ -256,6 +256,7 @@ const fn within(rim_px: f32, inside_px: f32, shade_levels: f32) -> PatchRules {
         },
         is_strict: false,
         tiny_polygons: false,
+        covers_rims: true,
     }
 }
 

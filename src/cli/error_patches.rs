@@ -21,6 +21,14 @@ enum TinyNodeName {
     Polygons,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum RimName {
+    /// Share of a pixel that the patches around it cover, in sixteen samples
+    Covered,
+    /// Color at the center of a pixel
+    Stepped,
+}
+
 /// Which nodes are drawn as patches.
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct ErrorArgs {
@@ -35,16 +43,22 @@ pub(crate) struct ErrorArgs {
     /// Shape of nodes below --threshold, with --error
     #[arg(long, value_enum, value_name = "AS", default_value = "squares")]
     tiny_nodes: TinyNodeName,
+    /// Outlines of patches, with --error; stepped in pictures of several samples, and where colors are data or photographs
+    #[arg(long, value_enum, value_name = "AS", default_value = "covered")]
+    rims: RimName,
 }
 
 impl ErrorArgs {
     /// The rules; `None` where none are given.
     pub(crate) fn rules(&self, method: Method) -> Result<Option<PatchRules>, CommandFailure> {
         let Some(tolerances) = self.error else {
-            return match (self.bound, self.tiny_nodes) {
-                (ErrorBoundName::Mean, TinyNodeName::Squares) => Ok(None),
-                (ErrorBoundName::Strict, _) => Err(usage("--bound is one of --error; give both")),
-                _ => Err(usage("--tiny-nodes is of --error; give both")),
+            return match (self.bound, self.tiny_nodes, self.rims) {
+                (ErrorBoundName::Strict, ..) => Err(usage("--bound is one of --error; give both")),
+                (_, TinyNodeName::Polygons, _) => {
+                    Err(usage("--tiny-nodes is of --error; give both"))
+                }
+                (.., RimName::Stepped) => Err(usage("--rims is of --error; give both")),
+                (.., RimName::Covered) => Ok(None),
             };
         };
         if method != Method::Pop {
@@ -56,6 +70,7 @@ impl ErrorArgs {
             tolerances,
             is_strict: self.bound == ErrorBoundName::Strict,
             tiny_polygons: self.tiny_nodes == TinyNodeName::Polygons,
+            covers_rims: self.rims == RimName::Covered,
         }))
     }
 }

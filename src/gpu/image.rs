@@ -14,6 +14,8 @@ pub enum ImageFormat {
     Rgba8,
     /// One 32-bit float.
     R32Float,
+    /// One 32-bit whole number.
+    R32Uint,
     /// Two 32-bit floats.
     Rg32Float,
     /// Four 16-bit floats.
@@ -28,7 +30,7 @@ impl ImageFormat {
     /// Bytes of one pixel.
     pub fn pixel_bytes(self) -> u64 {
         match self {
-            Self::Rgba8 | Self::R32Float | Self::Depth32 => 4,
+            Self::Rgba8 | Self::R32Float | Self::R32Uint | Self::Depth32 => 4,
             Self::Rg32Float => 8,
             Self::Rgba16Float => 8,
             Self::Rgba32Float => 16,
@@ -39,6 +41,7 @@ impl ImageFormat {
         match self {
             Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
             Self::R32Float => vk::Format::R32_SFLOAT,
+            Self::R32Uint => vk::Format::R32_UINT,
             Self::Rg32Float => vk::Format::R32G32_SFLOAT,
             Self::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,

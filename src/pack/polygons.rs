@@ -428,6 +428,11 @@ impl ScreenPolygon {
         if outside_px > self.margin_px {
             return None;
         }
+        self.pushed_back(at, outside_px)
+    }
+
+    /// Sample at a window position so far outside of the footprint.
+    fn pushed_back(&self, at: DVec2, outside_px: f64) -> Option<PolygonSample> {
         let mut sample = self.sample_inside(at)?;
         if self.margin_px > 0.0 {
             if outside_px > 0.0 {
@@ -442,6 +447,32 @@ impl ScreenPolygon {
             sample.distance = sample.distance.clamp(near, far);
         }
         Some(sample)
+    }
+
+    /// Sample at a window position if only sides that face along a direction bound the polygon, by at least this cosine,
+    /// and only a part of the margin widens it: it goes on without end the other way. Depths are those of
+    /// [`ScreenPolygon::sample`].
+    pub(crate) fn sample_up_to(
+        &self,
+        at: DVec2,
+        (outward, cosine): (DVec2, f64),
+        margin: f64,
+    ) -> Option<PolygonSample> {
+        let corners = self.corners();
+        let mut from = corners[corners.len() - 1];
+        let mut outside_px = f64::NEG_INFINITY;
+        for &to in corners {
+            let edge = (to - from).normalize_or_zero();
+            // Inside is left of an edge.
+            if edge.perp().dot(outward) < -cosine {
+                outside_px = outside_px.max(-edge.perp_dot(at - from));
+            }
+            from = to;
+        }
+        if outside_px > margin * self.margin_px {
+            return None;
+        }
+        self.pushed_back(at, outside_px.max(0.0))
     }
 
     /// Left and right end, pixels, of what [`ScreenPolygon::sample`] may cover in a row of window y; empty where left is right

@@ -16,6 +16,7 @@ mod packed;
 mod raster;
 mod record;
 mod resident;
+mod rim_rules;
 mod settings;
 #[cfg(test)]
 mod tests;
@@ -26,8 +27,11 @@ pub use check::{check_record, check_records};
 pub use conditions::PatchConditions;
 pub use cut::{PatchCounts, PatchCut, PatchRefusals, PatchSelector, select};
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
-pub use raster::{PatchLight, PatchList, PatchPixel, PatchRaster, PatchTarget};
+pub use raster::{PatchLight, PatchList, PatchPixel, PatchRaster, PatchTarget, RimPicture};
 pub use record::{MOST_CORNERS, NodePatch, NodePatches, RESIDUAL_LEVELS};
 pub use resident::{ResidentPatches, add_records};
+pub(crate) use rim_rules::{
+    AROUND, OUTWARD_COSINE, RIM_MARGIN, RIM_PLACES, RIM_SAMPLES, StraightDepth, outward,
+};
 pub use settings::{ErrorTolerances, PatchCutSettings, PatchRules};
 pub(crate) use texture::PixelRays;

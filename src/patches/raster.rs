@@ -6,8 +6,11 @@
 //! they are kept and once for each band that they touch, and drawn in blocks of sixteen pixels at once.
 
 mod blocks;
+mod rims;
 mod set_up;
 mod view;
+
+pub use rims::RimPicture;
 
 use crate::abi::OrientedPolygon;
 use crate::math::camera::View;
@@ -16,6 +19,7 @@ use blocks::{BatchLane, BlockInk, RasterBand, SIDE};
 use fearless_simd::{Level, dispatch};
 use glam::Vec2;
 use prefetch_index::prefetch_index;
+use rims::RimBands;
 use set_up::{LANES, PatchBatch, RecordRows};
 use view::RasterView;
 
@@ -70,6 +74,7 @@ pub struct PatchRaster {
     threads: usize,
     parts: Vec<BinnedPart>,
     numbers: Vec<u32>,
+    rims: RimBands,
     rect_px: [u32; 4],
     /// The view of the last picture.
     view: Option<RasterView>,
@@ -97,7 +102,7 @@ struct BinnedPart {
 }
 
 impl Default for PatchRaster {
-    /// As many threads as the machine runs at once, at most 16.
+    /// Uses as many threads as the machine runs at once, at most 16.
     fn default() -> Self {
         Self::with_threads(threads::count())
     }
@@ -118,6 +123,7 @@ impl PatchRaster {
             threads: threads.max(1),
             parts: Vec::new(),
             numbers: Vec::new(),
+            rims: RimBands::default(),
             rect_px: [0; 4],
             view: None,
         }
@@ -135,7 +141,36 @@ impl PatchRaster {
         target: PatchTarget<'_>,
     ) {
         let raster = RasterView::new(view);
-        self.draw_by(Level::new(), lists, &raster, BlockInk::Lit(*light), target);
+        let ink = BlockInk::Lit(*light);
+        self.draw_by(Level::new(), (lists, &raster), ink, target, &mut []);
+    }
+
+    /// Draws as [`PatchRaster::draw`], and keeps numbers of patches for [`PatchRaster::cover_rims`].
+    ///
+    /// # Panics
+    /// When the target is smaller than its rectangle.
+    pub fn draw_with_numbers(
+        &mut self,
+        lists: &[PatchList<'_>],
+        view: &View,
+        light: &PatchLight,
+        target: PatchTarget<'_>,
+    ) {
+        let raster = RasterView::new(view);
+        let ink = BlockInk::Lit(*light);
+        self.rect_px = target.rect_px;
+        let mut numbers = self.empty_numbers(target.depths.len());
+        self.draw_by(Level::new(), (lists, &raster), ink, target, &mut numbers);
+        self.numbers = numbers;
+        self.view = Some(raster);
+    }
+
+    /// Numbers of nothing.
+    fn empty_numbers(&mut self, count: usize) -> Vec<u32> {
+        let mut numbers = std::mem::take(&mut self.numbers);
+        numbers.clear();
+        numbers.resize(count, NOTHING);
+        numbers
     }
 
     /// Draws numbers of patches instead of colors, for [`PatchRaster::pixel`]. Colors are not read and stay.
@@ -150,16 +185,15 @@ impl PatchRaster {
         rect_px: [u32; 4],
     ) {
         let raster = RasterView::new(view);
-        let mut numbers = std::mem::take(&mut self.numbers);
-        numbers.clear();
-        numbers.resize(depths.len(), NOTHING);
+        let mut numbers = self.empty_numbers(depths.len());
         let target = PatchTarget {
             colors: &mut numbers,
             pitch: rect_px[2].saturating_sub(rect_px[0]) as usize,
             depths,
             rect_px,
         };
-        self.draw_by(Level::new(), lists, &raster, BlockInk::Numbers, target);
+        let ink = BlockInk::Numbers;
+        self.draw_by(Level::new(), (lists, &raster), ink, target, &mut []);
         self.numbers = numbers;
         self.view = Some(raster);
         self.rect_px = rect_px;
@@ -188,10 +222,10 @@ impl PatchRaster {
     fn draw_by(
         &mut self,
         level: Level,
-        lists: &[PatchList<'_>],
-        view: &RasterView,
+        (lists, view): (&[PatchList<'_>], &RasterView),
         ink: BlockInk,
         target: PatchTarget<'_>,
+        mut numbers: &mut [u32],
     ) {
         let [left, top, right, bottom] = target.rect_px.map(|edge| edge as usize);
         if right <= left || bottom <= top {
@@ -199,7 +233,7 @@ impl PatchRaster {
         }
         let (width, rows) = (right - left, bottom - top);
         if width < SIDE || rows < SIDE {
-            return self.draw_padded(level, lists, view, ink, target);
+            return self.draw_padded(level, (lists, view), ink, target, numbers);
         }
         let edges = band_edges(rows);
         self.find_bands(lists, view, top, &edges);
@@ -210,10 +244,14 @@ impl PatchRaster {
             let own_words = words.split_at_mut((height * target.pitch).min(words.len()));
             let own_depths = depths.split_at_mut(height * width);
             (words, depths) = (own_words.1, own_depths.1);
+            let kept = (height * width).min(numbers.len());
+            let own_numbers = numbers.split_at_mut(kept);
+            numbers = own_numbers.1;
             bands.push(RasterBand {
                 words: own_words.0,
                 pitch: target.pitch,
                 depths: own_depths.0,
+                numbers: own_numbers.0,
                 rect_px: [left, top + edge[0], right, top + edge[1]],
             });
         }
@@ -234,16 +272,20 @@ impl PatchRaster {
     fn draw_padded(
         &mut self,
         level: Level,
-        lists: &[PatchList<'_>],
-        view: &RasterView,
+        (lists, view): (&[PatchList<'_>], &RasterView),
         ink: BlockInk,
         target: PatchTarget<'_>,
+        numbers: &mut [u32],
     ) {
         let [left, top, right, bottom] = target.rect_px;
         let sides = [right - left, bottom - top];
         let [width, rows] = sides.map(|side| side.max(SIDE as u32));
         let mut colors = vec![0; (width * rows) as usize];
         let mut depths = vec![f32::INFINITY; (width * rows) as usize];
+        let mut wide_numbers = match numbers.is_empty() {
+            true => Vec::new(),
+            false => vec![NOTHING; (width * rows) as usize],
+        };
         let [own, wide, pitch] = [sides[0] as usize, width as usize, target.pitch];
         for row in 0..sides[1] as usize {
             colors[row * wide..][..own].copy_from_slice(&target.colors[row * pitch..][..own]);
@@ -255,10 +297,13 @@ impl PatchRaster {
             depths: &mut depths,
             rect_px: [left, top, left + width, top + rows],
         };
-        self.draw_by(level, lists, view, ink, padded);
+        self.draw_by(level, (lists, view), ink, padded, &mut wide_numbers);
         for row in 0..sides[1] as usize {
             target.colors[row * pitch..][..own].copy_from_slice(&colors[row * wide..][..own]);
             target.depths[row * own..][..own].copy_from_slice(&depths[row * wide..][..own]);
+            if !numbers.is_empty() {
+                numbers[row * own..][..own].copy_from_slice(&wide_numbers[row * wide..][..own]);
+            }
         }
     }
 

@@ -52,7 +52,7 @@ impl ErrorTolerances {
 }
 
 /// Which nodes a frame draws as patches.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PatchRules {
     /// How wrong a patch may be.
     pub tolerances: ErrorTolerances,
@@ -61,6 +61,19 @@ pub struct PatchRules {
     /// Nodes below the threshold are their polygon too instead of a square, where no second sheet is below them: nearer to the
     /// triangles, and slower.
     pub tiny_polygons: bool,
+    /// Pixels at the rims of patches show how much of them is covered, by sixteen samples; else what is at their centers.
+    pub covers_rims: bool,
+}
+
+impl Default for PatchRules {
+    fn default() -> Self {
+        Self {
+            tolerances: ErrorTolerances::default(),
+            is_strict: false,
+            tiny_polygons: false,
+            covers_rims: true,
+        }
+    }
 }
 
 impl PatchRules {

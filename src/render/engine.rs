@@ -476,7 +476,7 @@ impl<'m> Engine<'m> {
         let backend = self
             .available()
             .choose(settings, values, [view.width, view.height])?;
-        let settings = &self.prepare_pages(view, settings)?;
+        let settings = &self.prepare_pages(view, &settings.of_sample())?;
         if backend == FrameBackend::Reference {
             self.last = Some(backend);
         }

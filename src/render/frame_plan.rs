@@ -209,6 +209,8 @@ pub(crate) struct PlannedPrimitives {
     pub(crate) are_quads: bool,
     /// Patches show images.
     pub(crate) textures_patches: bool,
+    /// Pixels at the rims of patches show how much of them is covered.
+    pub(crate) covers_rims: bool,
 }
 
 /// A frame, planned.
@@ -409,6 +411,7 @@ impl FramePlan {
                 textures_patches: facts.has_textures
                     && settings.textures_patches()
                     && parts.iter().all(|part| part.cut.is_none()),
+                covers_rims: settings.covers_rims(),
             },
             may_use_compute,
             draws_cut_by_compute: may_use_compute

@@ -429,6 +429,23 @@ impl Settings {
         self.patches.filter(|rules| is_cut && rules.draw_any())
     }
 
+    /// Tells whether pixels at the rims of patches show how much of them is covered. Data and photographs are of one place.
+    pub(crate) fn covers_rims(&self) -> bool {
+        let is_asked = self.drawn_patches().is_some_and(|rules| rules.covers_rims);
+        is_asked && self.color_by == ColorBy::Shading && !self.shows_photos()
+    }
+
+    /// Settings of a sample of a pixel, of which a picture is the mean of many.
+    pub(crate) fn of_sample(&self) -> Self {
+        Self {
+            patches: self.patches.map(|rules| PatchRules {
+                covers_rims: false,
+                ..rules
+            }),
+            ..*self
+        }
+    }
+
     /// Tells whether what is drawn is chosen before the frame: by a cut, or as splats from vertices.
     pub(crate) fn has_lists(&self) -> bool {
         self.has_cut() || self.drawn_vertex_splats().is_some()

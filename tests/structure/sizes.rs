@@ -14,7 +14,7 @@ const LARGE_TYPES: usize = 26;
 const MOST_LINES: usize = 80;
 
 /// Functions that have more, likewise.
-const LONG_FUNCTIONS: usize = 89;
+const LONG_FUNCTIONS: usize = 88;
 
 /// A block of formatted code: what its first line declares, and the lines between its braces.
 struct CodeBlock<'a> {

@@ -5,8 +5,9 @@
 use super::PatchLight;
 use super::set_up::{FORMS, LaneRow, PatchBatch};
 use super::view::RasterView;
+use crate::patches::rim_rules::{OUTWARD_COSINE, RIM_MARGIN};
 use fearless_simd::prelude::*;
-use fearless_simd::{f32x4, f32x16, i32x16, u32x4, u32x16};
+use fearless_simd::{f32x4, f32x16, i32x16, mask32x16, u32x4, u32x16};
 
 /// Pixels of a side of a block.
 pub(super) const SIDE: usize = 4;
@@ -32,6 +33,8 @@ pub(super) struct RasterBand<'a> {
     pub(super) pitch: usize,
     /// Reversed, row by row without gaps.
     pub(super) depths: &'a mut [f32],
+    /// Numbers of patches beside colors, row by row without gaps; empty where none are kept.
+    pub(super) numbers: &'a mut [u32],
     /// Left, top, and one past right and bottom, pixels of the picture.
     pub(super) rect_px: [usize; 4],
 }
@@ -103,48 +106,17 @@ impl RasterBand<'_> {
         [column, row]: [usize; 2],
         ink: &BlockInk,
     ) {
-        let BatchLane {
-            batch,
-            lane,
-            sides,
-            number,
-        } = patch;
         // Rounded once, so that no pixel depends on where its block begins.
         let x = Lanes::<S>::from_slice(simd, &COLUMNS) + column as f32;
         let y = Lanes::<S>::from_slice(simd, &ROWS) + row as f32;
-        let [left, top, right, bottom] = &batch.pixels;
-        // At sharp corners the forms alone reach beyond.
-        let there = x.simd_gt(left.0[lane])
-            & x.simd_lt(right.0[lane])
-            & y.simd_gt(top.0[lane])
-            & y.simd_lt(bottom.0[lane]);
-        let x = x - batch.middle[0].0[lane];
-        let y = y - batch.middle[1].0[lane];
-        let first_end = linear(simd, &batch.forms[FORMS - 2], lane, [x, y]);
-        let inside_px = first_end.min(linear(simd, &batch.forms[FORMS - 1], lane, [x, y]));
-        // The last side leads from the corner that is repeated to the first.
-        let last_side = linear(simd, &batch.forms[FORMS - 3], lane, [x, y]);
-        let mut inside_px = inside_px.min(last_side);
-        for form in &batch.forms[..sides - 1] {
-            inside_px = inside_px.min(linear(simd, form, lane, [x, y]));
-        }
-        let covered = there & inside_px.simd_ge(-batch.margin_px.0[lane]);
-        if !covered.any_true() {
+        let Some(seen) = patch.seen_at(simd, view, [x, y]) else {
             return;
-        }
-        let own = batch.nearness.0[lane];
-        let (slope_x, slope_y) = (batch.slope[0].0[lane], batch.slope[1].0[lane]);
-        let (low, high) = (batch.limits[0].0[lane], batch.limits[1].0[lane]);
-        let change = (x * slope_x + y * slope_y).max(low).min(high);
-        let mut nearness = change + own;
-        let beside = covered & inside_px.simd_lt(0.0);
-        if beside.any_true() {
-            let pushed = pushed_back(simd, view, batch.thickness.0[lane], nearness, inside_px);
-            nearness = beside.select(pushed, nearness);
-        }
-        let [factor, added] = view.depth;
-        // Nothing that is widened is out of the view.
-        let depth = (nearness * factor + added).max(f32::MIN_POSITIVE).min(1.0);
+        };
+        let SeenPlaces {
+            covered,
+            depth,
+            pixels: won,
+        } = seen;
         let [left, top, right, _] = self.rect_px;
         let width = right - left;
         let (down, aside) = (row - top, column - left);
@@ -165,24 +137,131 @@ impl RasterBand<'_> {
             numbers.store_slice(&mut self.depths[at(line)..at(line) + SIDE]);
         }
         let own: u32x16<S> = match ink {
-            BlockInk::Lit(light) => {
-                let won = BlockPixels { at: [x, y], change };
-                lit(simd, view, light, patch, &won)
-            }
-            BlockInk::Numbers => u32x16::splat(simd, number),
+            BlockInk::Lit(light) => lit(simd, view, light, patch, &won),
+            BlockInk::Numbers => u32x16::splat(simd, patch.number),
         };
-        let pitch = self.pitch;
-        let at = |line: usize| (down + line) * pitch + aside;
-        let there = (u32x4::from_slice(simd, four(self.words, at(0))))
-            .combine(u32x4::from_slice(simd, four(self.words, at(1))))
-            .combine(
-                u32x4::from_slice(simd, four(self.words, at(2)))
-                    .combine(u32x4::from_slice(simd, four(self.words, at(3)))),
-            );
-        let (low, high) = mask.select(own, there).split();
-        let ((a, b), (c, d)) = (low.split(), high.split());
-        for (line, words) in [a, b, c, d].into_iter().enumerate() {
-            words.store_slice(&mut self.words[at(line)..at(line) + SIDE]);
+        if !self.numbers.is_empty() {
+            let number = u32x16::splat(simd, patch.number);
+            put(simd, self.numbers, [at(0), width], (mask, number));
+        }
+        let first = down * self.pitch + aside;
+        put(simd, self.words, [first, self.pitch], (mask, own));
+    }
+}
+
+/// Writes words of a block where a mask is set: from a place on, rows so many words apart.
+#[inline(always)]
+fn put<S: Simd>(
+    simd: S,
+    words: &mut [u32],
+    [first, pitch]: [usize; 2],
+    (mask, own): (mask32x16<S>, u32x16<S>),
+) {
+    let [a, b, c, d] = [0, 1, 2, 3].map(|line| first + line * pitch);
+    let there = (u32x4::from_slice(simd, four(words, a)))
+        .combine(u32x4::from_slice(simd, four(words, b)))
+        .combine(
+            u32x4::from_slice(simd, four(words, c))
+                .combine(u32x4::from_slice(simd, four(words, d))),
+        );
+    let (low, high) = mask.select(own, there).split();
+    let (rows, below) = (low.split(), high.split());
+    rows.0.store_slice(&mut words[a..a + SIDE]);
+    rows.1.store_slice(&mut words[b..b + SIDE]);
+    below.0.store_slice(&mut words[c..c + SIDE]);
+    below.1.store_slice(&mut words[d..d + SIDE]);
+}
+
+/// Coverage and depth of a patch at sixteen places.
+pub(super) struct SeenPlaces<S: Simd> {
+    pub(super) covered: mask32x16<S>,
+    /// Reversed.
+    pub(super) depth: Lanes<S>,
+    pixels: BlockPixels<S>,
+}
+
+impl BatchLane<'_> {
+    /// Coverage and depth of the patch at places on the picture, pixels; `None` where it covers none of them.
+    #[inline(always)]
+    pub(super) fn seen_at<S: Simd>(
+        &self,
+        simd: S,
+        view: &RasterView,
+        [x, y]: [Lanes<S>; 2],
+    ) -> Option<SeenPlaces<S>> {
+        let (batch, lane, sides) = (self.batch, self.lane, self.sides);
+        let [left, top, right, bottom] = &batch.bounds;
+        // At sharp corners the forms alone reach beyond.
+        let there = x.simd_ge(left.0[lane])
+            & x.simd_le(right.0[lane])
+            & y.simd_ge(top.0[lane])
+            & y.simd_le(bottom.0[lane]);
+        let at = [x - batch.middle[0].0[lane], y - batch.middle[1].0[lane]];
+        let first_end = linear(simd, &batch.forms[FORMS - 2], lane, at);
+        let inside_px = first_end.min(linear(simd, &batch.forms[FORMS - 1], lane, at));
+        // The last side leads from the corner that is repeated to the first.
+        let last_side = linear(simd, &batch.forms[FORMS - 3], lane, at);
+        let mut inside_px = inside_px.min(last_side);
+        for form in &batch.forms[..sides - 1] {
+            inside_px = inside_px.min(linear(simd, form, lane, at));
+        }
+        let covered = there & inside_px.simd_ge(-batch.margin_px.0[lane]);
+        covered
+            .any_true()
+            .then(|| self.seen_of(simd, view, at, (covered, inside_px)))
+    }
+
+    /// Coverage and depth of the patch if only sides that face along a direction bound it: it goes on without end the other way.
+    #[inline(always)]
+    pub(super) fn seen_up_to<S: Simd>(
+        &self,
+        simd: S,
+        view: &RasterView,
+        [x, y]: [Lanes<S>; 2],
+        outward: [f32; 2],
+    ) -> SeenPlaces<S> {
+        let (batch, lane, sides) = (self.batch, self.lane, self.sides);
+        let at = [x - batch.middle[0].0[lane], y - batch.middle[1].0[lane]];
+        let mut inside_px = Lanes::<S>::splat(simd, f32::INFINITY);
+        for index in (0..sides - 1).chain(FORMS - 3..FORMS) {
+            let form = &batch.forms[index];
+            let inward = form[0].0[lane] * outward[0] + form[1].0[lane] * outward[1];
+            if inward < -OUTWARD_COSINE {
+                inside_px = inside_px.min(linear(simd, form, lane, at));
+            }
+        }
+        let covered = inside_px.simd_ge(-batch.margin_px.0[lane] * RIM_MARGIN);
+        self.seen_of(simd, view, at, (covered, inside_px))
+    }
+
+    /// Depth at places, counted from the middle, by how far inside they are.
+    #[inline(always)]
+    fn seen_of<S: Simd>(
+        &self,
+        simd: S,
+        view: &RasterView,
+        [x, y]: [Lanes<S>; 2],
+        (covered, inside_px): (mask32x16<S>, Lanes<S>),
+    ) -> SeenPlaces<S> {
+        let (batch, lane) = (self.batch, self.lane);
+        let own = batch.nearness.0[lane];
+        let (slope_x, slope_y) = (batch.slope[0].0[lane], batch.slope[1].0[lane]);
+        let (low, high) = (batch.limits[0].0[lane], batch.limits[1].0[lane]);
+        let change = (x * slope_x + y * slope_y).max(low).min(high);
+        let mut nearness = change + own;
+        let beside = covered & inside_px.simd_lt(0.0);
+        if beside.any_true() {
+            let pushed = pushed_back(simd, view, batch.thickness.0[lane], nearness, inside_px);
+            nearness = beside.select(pushed, nearness);
+        }
+        let [factor, added] = view.depth;
+        // Nothing that is widened is out of the view.
+        let depth = (nearness * factor + added).max(f32::MIN_POSITIVE).min(1.0);
+        let pixels = BlockPixels { at: [x, y], change };
+        SeenPlaces {
+            covered,
+            depth,
+            pixels,
         }
     }
 }

@@ -62,6 +62,8 @@ pub(super) struct PatchBatch {
     pub(super) thickness: LaneRow,
     /// Pixels that it may cover: first column and row, and one past the last; whole numbers within the rectangle.
     pub(super) pixels: [LaneRow; 4],
+    /// Left, top, right and bottom, pixels of the picture.
+    pub(super) bounds: [LaneRow; 4],
     /// Coordinates in the plane are (x, y, change of nearness) times these, over the nearness in a perspective.
     pub(super) feet: [[LaneRow; 3]; 2],
     /// Least and greatest of each coordinate.
@@ -229,6 +231,7 @@ impl PatchBatch {
         margin_px: LaneRow::ZERO,
         thickness: LaneRow::ZERO,
         pixels: [LaneRow::ZERO; 4],
+        bounds: [LaneRow::ZERO; 4],
         feet: [[LaneRow::ZERO; 3]; 2],
         extent: [[LaneRow::ZERO; 2]; 2],
         ray: [LaneRow::ZERO; 2],
@@ -271,8 +274,11 @@ impl PatchBatch {
         for axis in 0..2 {
             let middle = (planes.ray[axis] - view.ray_offset[axis]) * (1.0 / view.ray_scale[axis]);
             let (low, high) = (rect_px[axis], rect_px[axis + 2]);
-            let first = (middle + corners.low[axis] - margin_px - 0.5).ceil();
-            let end = (middle + corners.high[axis] + margin_px + 0.5).floor();
+            let least = middle + corners.low[axis] - margin_px;
+            let most = middle + corners.high[axis] + margin_px;
+            let (first, end) = ((least - 0.5).ceil(), (most + 0.5).floor());
+            self.bounds[axis].store(least);
+            self.bounds[axis + 2].store(most);
             self.middle[axis].store(middle);
             self.ray[axis].store(planes.ray[axis]);
             self.pixels[axis].store(first.max(splat(simd, low)).min(splat(simd, high)));

@@ -43,10 +43,10 @@ fn picture(
     };
     raster.draw_by(
         level,
-        &[list],
-        &RasterView::new(view),
+        (&[list], &RasterView::new(view)),
         BlockInk::Lit(light),
         target,
+        &mut [],
     );
     let color: Vec<[u8; 4]> = colors.iter().map(|word| word.to_le_bytes()).collect();
     let mut depth = vec![f32::INFINITY; pixels];

@@ -2,6 +2,7 @@
 
 use crate::abi::OrientedPolygon;
 use crate::math::camera::View;
+use crate::patches::rim_rules::StraightDepth;
 use glam::{Mat3, Vec2, Vec3};
 
 /// A view, as patches need it.
@@ -19,6 +20,7 @@ pub(super) struct RasterView {
     /// Reversed depth of a nearness: its factor, and what is added.
     pub(super) depth: [f32; 2],
     pub(super) is_perspective: bool,
+    pub(super) straight: StraightDepth,
 }
 
 impl RasterView {
@@ -43,6 +45,7 @@ impl RasterView {
                 false => [clip.z_axis.z, clip.w_axis.z],
             },
             is_perspective: view.is_perspective,
+            straight: StraightDepth::new(view),
         }
     }
 

@@ -67,6 +67,8 @@ pub(super) struct OpaquePixel {
     /// Reversed depth, as the device's depth buffer holds it; cleared to the far plane.
     pub(super) depth: f32,
     pub(super) shown: ShownPixel,
+    /// Number of the patch that it shows.
+    pub(super) patch: Option<u32>,
 }
 
 impl<T: Copy + Send> PixelRows<T> {

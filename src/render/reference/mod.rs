@@ -34,6 +34,7 @@ mod opaque;
 mod overdraw;
 mod polygons;
 pub(in crate::render) mod renderer;
+mod rims;
 mod shade;
 mod splat;
 mod square;

@@ -10,6 +10,7 @@ use crate::render::reference::disc::{DiscFootprint, DiscSample};
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::polygons;
 use crate::render::reference::polygons::PolygonList;
+use crate::render::reference::rims;
 use crate::render::reference::splat::{PlacedSplat, RasterSplat, SplatFootprint, splat_of_vertex};
 use crate::render::reference::square::SquareFootprint;
 use crate::render::reference::triangle;
@@ -50,6 +51,7 @@ pub fn render_with_polygons(
         OpaquePixel {
             depth: 0.0,
             shown: ShownPixel::background(style),
+            patch: None,
         },
     );
     target.draw(
@@ -65,6 +67,7 @@ pub fn render_with_polygons(
                 *pixel = OpaquePixel {
                     depth: sample.depth,
                     shown: frame.shading.shown(&triangle.surface(sample)),
+                    patch: None,
                 };
             }
         },
@@ -82,7 +85,10 @@ pub fn render_with_polygons(
     };
     target.draw(list.splats, |s| set_up(&frame, s), put);
     target.draw(list.points, |p| set_up(&frame, &splat_of_vertex(p)), put);
-    let pixels = target.into_pixels();
+    let mut pixels = target.into_pixels();
+    if polygons.covers_rims {
+        rims::cover(&frame, &mut pixels, polygons);
+    }
     picture(view, outputs, |i| pixels[i].shown)
 }
 
@@ -105,6 +111,7 @@ pub(super) fn set_up(frame: &ReferenceFrame, splat: &Splat) -> Option<RasterSpla
         fragment: OpaquePixel {
             depth: seen.placed.depth(),
             shown: frame.shading.shown(&seen.point),
+            patch: None,
         },
     })
 }

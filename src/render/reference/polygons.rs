@@ -22,6 +22,8 @@ pub struct PolygonList<'a> {
     pub textures: &'a [PatchTexture],
     /// Images that they are in.
     pub images: &'a [Arc<TextureImage>],
+    /// Pixels at the rims of patches show how much of them is covered.
+    pub covers_rims: bool,
 }
 
 /// A polygon with the pixels that it may cover.
@@ -32,6 +34,8 @@ struct RasterPolygon {
     rows: Range<u32>,
     /// Nowhere where no image is shown.
     texture: Option<PatchTexture>,
+    /// Place in the list.
+    number: u32,
 }
 
 impl PixelCoverage for RasterPolygon {
@@ -62,13 +66,17 @@ pub(super) fn draw(
         false => SurfaceKind::Splat,
     };
     let items: Vec<_> = (list.polygons.iter().enumerate())
-        .map(|(index, polygon)| (polygon, list.textures.get(index)))
+        .map(|(index, polygon)| (index as u32, polygon, list.textures.get(index)))
         .collect();
     target.draw(
         &items,
-        |&(polygon, texture)| {
+        |&(number, polygon, texture)| {
             let texture = texture.copied();
-            set_up(frame, polygon).map(|raster| RasterPolygon { texture, ..raster })
+            set_up(frame, polygon).map(|raster| RasterPolygon {
+                number,
+                texture,
+                ..raster
+            })
         },
         |pixel, raster: &RasterPolygon, sample| {
             let distance = sample.distance as f32;
@@ -90,6 +98,7 @@ pub(super) fn draw(
                 *pixel = OpaquePixel {
                     depth,
                     shown: frame.shading.shown(&seen),
+                    patch: list.are_patches.then_some(raster.number),
                 };
             }
         },
@@ -116,6 +125,7 @@ fn set_up(frame: &ReferenceFrame<'_>, polygon: &OrientedPolygon) -> Option<Raste
         columns,
         rows,
         texture: None,
+        number: 0,
     })
 }
 

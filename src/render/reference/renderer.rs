@@ -233,6 +233,7 @@ impl ReferenceRenderer {
                     are_patches: self.cuts.has_patches(),
                     textures: &lists.patch_textures.places,
                     images: &lists.patch_textures.images,
+                    covers_rims: plan.primitives.covers_rims,
                 };
                 let drawn = crate::render::reference::render_with_polygons(
                     view, &opaque, polygons, style, outputs,

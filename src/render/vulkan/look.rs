@@ -5,6 +5,7 @@ use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::{Error, Gpu};
 use crate::render::frame_plan::FramePlan;
 use crate::render::vulkan::look_pass::{LookPass, LookRule};
+use crate::render::vulkan::opaque::rims::{NumberedPatches, RimPass};
 use crate::render::vulkan::photos::DevicePhotos;
 use crate::render::vulkan::photos::pass::PhotoPass;
 use crate::render::vulkan::targets::FrameTargets;
@@ -16,6 +17,8 @@ pub(super) struct PictureLooks {
     /// One after the other, each with whether the last frame had it.
     passes: [(Option<LookPass>, bool); 3],
     photos: Option<PhotoPass>,
+    /// Pass before all others, and whether the last frame had it.
+    rims: (Option<RimPass>, bool),
     /// The last frame had photographs; it has no other look then.
     has_photos: bool,
 }
@@ -43,6 +46,11 @@ impl PictureLooks {
             self.photos = Some(PhotoPass::ready(made, gpu, targets, plan, photos)?);
         }
         let constants = &plan.constants;
+        let (rims, covers_rims) = &mut self.rims;
+        *covers_rims = plan.primitives.covers_rims;
+        if *covers_rims {
+            *rims = Some(RimPass::ready(rims.take(), gpu, targets, constants.flags)?);
+        }
         let rules = [
             (
                 LookRule::AmbientOcclusion,
@@ -67,10 +75,11 @@ impl PictureLooks {
     #[cfg(feature = "viewer")]
     pub(super) fn forget(&mut self) {
         self.has_photos = false;
+        self.rims.1 = false;
         self.passes.iter_mut().for_each(|(_, is_on)| *is_on = false);
     }
 
-    /// Records the looks of a frame, whose technique is recorded.
+    /// Records the looks of a frame, whose technique is recorded; `patches` are those that it shows, if their rims are covered.
     ///
     /// # Errors
     /// When the frame has no room for their constants.
@@ -78,18 +87,34 @@ impl PictureLooks {
         &self,
         frame: &mut FrameRecorder<'_>,
         targets: &FrameTargets,
-        plan: &FramePlan,
+        (plan, patches): (&FramePlan, Option<NumberedPatches<'_>>),
         constants: UniformBlock,
     ) -> Result<(), Error> {
         if let (true, Some(pass)) = (self.has_photos, &self.photos) {
             pass.record(frame, targets, plan, constants)?;
         }
-        let mut picture = targets.color();
+        if let (Some(rims), Some(patches)) = (self.present_rims(), patches) {
+            let shown = (patches, &plan.context);
+            rims.record(frame, targets, shown, constants)?;
+        }
+        let mut picture = self.drawn_picture(targets);
         for pass in self.present_passes() {
             pass.record(frame, (picture, targets), &plan.context, constants);
             picture = pass.picture();
         }
         Ok(())
+    }
+
+    /// The pass that covered rims in the last frame.
+    fn present_rims(&self) -> Option<&RimPass> {
+        let (pass, is_on) = &self.rims;
+        pass.as_ref().filter(|_| *is_on)
+    }
+
+    /// The picture of the last frame as its technique left it, with covered rims where it has them.
+    fn drawn_picture<'a>(&'a self, targets: &'a FrameTargets) -> &'a Target {
+        self.present_rims()
+            .map_or(targets.color(), RimPass::picture)
     }
 
     /// The passes of the last frame, in order.
@@ -103,7 +128,7 @@ impl PictureLooks {
         match (self.present_passes().last(), &self.photos) {
             (_, Some(pass)) if self.has_photos => pass.picture(),
             (Some(pass), _) => pass.picture(),
-            _ => targets.color(),
+            _ => self.drawn_picture(targets),
         }
     }
 }

@@ -31,6 +31,8 @@ use crate::gpu::pipeline::{VertexRecord, record};
 pub(crate) const COLOR: ImageFormat = ImageFormat::Rgba8;
 /// Format of the color target of pictures that are averaged: nothing is rounded before the mean is.
 pub(crate) const SAMPLES: ImageFormat = ImageFormat::Rgba32Float;
+/// Format of a target that numbers of polygons are drawn into.
+pub(crate) const NUMBER: ImageFormat = ImageFormat::R32Uint;
 /// Format of the normal target.
 pub(crate) const NORMAL: ImageFormat = ImageFormat::Rgba32Float;
 

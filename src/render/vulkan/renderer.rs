@@ -44,6 +44,7 @@ use crate::render::vulkan::look::PictureLooks;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::opaque::polygons::PolygonPasses;
+use crate::render::vulkan::opaque::rims::NumberedPatches;
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::photos::DevicePhotos;
 use crate::render::vulkan::scene::DeviceScene;
@@ -163,6 +164,8 @@ struct FrameEnd<'a> {
     targets: &'a FrameTargets,
     looks: &'a PictureLooks,
     plan: &'a FramePlan,
+    /// Patches that it shows, if any.
+    patches: Option<NumberedPatches<'a>>,
 }
 
 impl FrameEnd<'_> {
@@ -176,7 +179,8 @@ impl FrameEnd<'_> {
         constants: UniformBlock,
         end: &mut FrameEnding<'_>,
     ) -> Result<FrameTicket, Error> {
-        (self.looks).record(&mut frame, self.targets, self.plan, constants)?;
+        let drawn = (self.plan, self.patches);
+        (self.looks).record(&mut frame, self.targets, drawn, constants)?;
         end(frame, self.looks.picture(self.targets))
     }
 }

@@ -4,7 +4,7 @@ use crate::gpu::frame::{PassBuilder, TargetLoad};
 use crate::gpu::image::{DeviceImage as Target, ImageFormat};
 use crate::gpu::{Error, Gpu};
 pub(crate) use crate::render::frame_constants::FrameContext as Context;
-use crate::render::vulkan::{COLOR, NORMAL, SAMPLES};
+use crate::render::vulkan::{COLOR, NORMAL, NUMBER, SAMPLES};
 use std::sync::Arc;
 
 /// The color targets of a pass whose first is [`COLOR`] or [`SAMPLES`].
@@ -14,6 +14,16 @@ pub(crate) fn color_formats(color: ImageFormat, normals: bool) -> &'static [Imag
         (SAMPLES, true) => &[SAMPLES, NORMAL],
         (_, false) => &[COLOR],
         (_, true) => &[COLOR, NORMAL],
+    }
+}
+
+/// Formats of the color targets, and after them [`NUMBER`].
+fn numbered_formats(color: ImageFormat, normals: bool) -> &'static [ImageFormat] {
+    match (color, normals) {
+        (SAMPLES, false) => &[SAMPLES, NUMBER],
+        (SAMPLES, true) => &[SAMPLES, NORMAL, NUMBER],
+        (_, false) => &[COLOR, NUMBER],
+        (_, true) => &[COLOR, NORMAL, NUMBER],
     }
 }
 
@@ -49,6 +59,11 @@ impl FrameTargets {
     /// Formats of the color targets, as pipelines that draw into all of them have to know.
     pub(crate) fn formats(&self) -> &'static [ImageFormat] {
         color_formats(self.color.format, self.normal.is_some())
+    }
+
+    /// Formats of the color targets, and of one of numbers.
+    pub(crate) fn numbered_formats(&self) -> &'static [ImageFormat] {
+        numbered_formats(self.color.format, self.normal.is_some())
     }
 
     pub(crate) fn depth(&self) -> &Target {

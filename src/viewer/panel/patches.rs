@@ -59,4 +59,8 @@ pub(super) fn show(ui: &mut Ui, settings: &mut Settings) {
     });
     ui.checkbox(&mut rules.is_strict, "at every vertex")
         .on_hover_text("Hold the shade to its tolerance at every vertex, not on average");
+    ui.checkbox(&mut rules.covers_rims, "covered rims")
+        .on_hover_text(
+            "Pixels at outlines show how much of them is covered, not what is at their centers",
+        );
 }

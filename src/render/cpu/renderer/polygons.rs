@@ -3,7 +3,7 @@
 use crate::abi::OrientedPolygon;
 use crate::pack::ColorBy;
 use crate::pack::parallel;
-use crate::patches::{PatchRaster, PatchTarget};
+use crate::patches::{PatchRaster, PatchTarget, RimPicture};
 use crate::render::Method;
 use crate::render::cpu::float_planes::word_of;
 use crate::render::cpu::frame_shading::{FrameShading, PATCH_TINT, SPLAT_TINT, ShadedPoint};
@@ -117,6 +117,7 @@ impl CpuRenderer {
             false => PatchPlaces::default(),
         };
         let mut list_bytes = size_of::<u32>() * count + size_of_val(&textures.places[..]);
+        let covers_rims = frame.plan.primitives.covers_rims;
         let has_values = outputs.values || outputs.normal;
         if shading.has_headlight() && !has_values && textures.places.is_empty() {
             let target = PatchTarget {
@@ -126,7 +127,12 @@ impl CpuRenderer {
                 rect_px,
             };
             let light = shading.patch_light();
-            self.patch_raster.draw(&lists, frame.view, &light, target);
+            if covers_rims {
+                self.patch_raster
+                    .draw_with_numbers(&lists, frame.view, &light, target);
+            } else {
+                self.patch_raster.draw(&lists, frame.view, &light, target);
+            }
         } else {
             let raster = &mut self.patch_raster;
             raster.draw_numbers(&lists, frame.view, depths, rect_px);
@@ -145,6 +151,16 @@ impl CpuRenderer {
             parallel::share(pixels_of(rect_px), bands.into_iter(), |mut band| {
                 band.show(&shown, columns, &shading);
             });
+        }
+        if covers_rims {
+            let picture = RimPicture {
+                pitch: pixels.pitch,
+                colors: pixels.from(rect_px),
+                depths: &self.depths[..pixels_of(rect_px)],
+                values: self.planes.planes().values,
+            };
+            let lists = self.cuts.patch_lists(frame.drawn);
+            self.patch_raster.cover_rims(&lists, picture);
         }
         DrawnCounts {
             splats: counts.splats + count,

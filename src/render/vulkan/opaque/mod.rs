@@ -6,4 +6,5 @@ pub mod hardware;
 pub(crate) mod polygon_variant;
 pub(crate) mod polygons;
 pub(crate) mod polygons_by_compute;
+pub(crate) mod rims;
 pub mod triangle_runs;

@@ -2,15 +2,16 @@
 //! ask for the footprint. The nearest wins.
 
 use crate::abi::{CompiledShader, OrientedPolygon, ShaderVariants, shaders};
-use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::gpu::frame::{FrameRecorder, PassBuilder, TargetLoad, UniformBlock};
+use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::pipeline::{DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline};
 use crate::gpu::{Error, Gpu};
-use crate::render::vulkan::POLYGON;
 use crate::render::vulkan::opaque::polygon_variant::{
     PolygonKind, PolygonRecords, PolygonRun, PolygonVariant,
 };
 use crate::render::vulkan::opaque::polygons_by_compute::PolygonCompute;
 use crate::render::vulkan::targets::{Context, FrameTargets};
+use crate::render::vulkan::{NUMBER, POLYGON};
 use std::sync::Arc;
 
 /// The passes of one kind of polygons.
@@ -19,6 +20,8 @@ pub(crate) struct PolygonPasses {
     /// Variant that they were made for.
     pub(crate) variant: PolygonVariant,
     drawer: PolygonDrawer,
+    /// Number in the list, from 1, of the polygon that each pixel shows; none of splats by the rasterizer.
+    numbers: Option<Target>,
 }
 
 /// Drawer of polygons.
@@ -40,7 +43,33 @@ impl PolygonPasses {
             true => PolygonDrawer::Compute(Box::new(PolygonCompute::new(gpu, variant, targets)?)),
             false => PolygonDrawer::Rasterizer(pipeline(gpu, variant, targets)?),
         };
-        Ok(Self { variant, drawer })
+        let has_numbers = variant.by_compute || variant.kind == PolygonKind::Patches;
+        let [width, height] = [targets.color().width, targets.color().height];
+        let new = || Target::new(gpu, "numbers of polygons", NUMBER, width, height);
+        Ok(Self {
+            variant,
+            drawer,
+            numbers: has_numbers.then(new).transpose()?,
+        })
+    }
+
+    /// Numbers of polygons in the pixels of the last frame that drew any: from 1 in the list, 0 where none is seen.
+    pub(crate) fn numbers(&self) -> Option<&Target> {
+        self.numbers.as_ref()
+    }
+
+    /// Attaches the targets as they are, and that of numbers, cleared.
+    fn attached<'f>(
+        &self,
+        pass: PassBuilder<'f>,
+        targets: &FrameTargets,
+        context: &Context,
+    ) -> PassBuilder<'f> {
+        let pass = targets.attach_after(pass, context, false);
+        match &self.numbers {
+            Some(numbers) => pass.color(numbers, TargetLoad::Clear([0.0; 4])),
+            None => pass,
+        }
     }
 
     /// Pass `polygons.splats` or `polygons.patches`, or those by compute: so many polygons of a list. Keeps what the triangles
@@ -59,14 +88,21 @@ impl PolygonPasses {
         let pipeline = match &self.drawer {
             PolygonDrawer::Rasterizer(pipeline) => pipeline,
             PolygonDrawer::Compute(compute) => {
-                return compute.record(frame, targets, &list, context, constants);
+                if list.count == 0 {
+                    return Ok(());
+                }
+                let parts = compute.record(frame, &list, context, constants)?;
+                let pass = frame.pass("polygons.resolve");
+                let pass = self.attached(pass, targets, context);
+                compute.resolve(pass, &list, (&parts, context), constants);
+                return Ok(());
             }
         };
         if list.count == 0 {
             return Ok(());
         }
         let (kind, polygons) = (self.variant.kind, list.polygons);
-        let pass = targets.attach_after(frame.pass(kind.pass()), context, false);
+        let pass = self.attached(frame.pass(kind.pass()), targets, context);
         let pass = list.declared(pass);
         pass.vertices(polygons).draw(context.viewport(), |draw| {
             draw.cull_back_faces(false, false);
@@ -119,7 +155,10 @@ fn pipeline(
         constants: &[],
         record: POLYGON,
         topology,
-        colors: targets.formats(),
+        colors: match kind {
+            PolygonKind::Splats => targets.formats(),
+            PolygonKind::Patches => targets.numbered_formats(),
+        },
         depth: DepthMode::Nearest,
         is_additive: false,
     };

@@ -8,7 +8,7 @@ use crate::abi::specialization::{ARE_PATCHES, LOOKS_FIRST};
 use crate::abi::{OrientedPolygon, shaders};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
-use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::gpu::frame::{FrameRecorder, PassBuilder, UniformBlock};
 use crate::gpu::pipeline::{
     DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
 };
@@ -21,11 +21,15 @@ use crate::render::vulkan::opaque::polygon_variant::{
 };
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::storage_ranges;
+use crate::render::vulkan::storage_ranges::BoundRange;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
 
 /// Invocations that share a polygon: the workgroup of the shader.
 const SHARERS: u32 = 32;
+
+/// A part of a list that is bound, and images that its patches show.
+type BoundRun<'a> = (BoundRange<'a>, Option<[BufferSlice<'a>; 2]>);
 
 /// Pipelines of one kind of polygons, and the buffer of the nearest, for one picture size.
 #[derive(Debug)]
@@ -58,7 +62,7 @@ impl PolygonCompute {
             constants: &[are_patches],
             record: VertexRecord::NOTHING,
             topology: PrimitiveTopology::Triangles,
-            colors: targets.formats(),
+            colors: targets.numbered_formats(),
             depth: DepthMode::Nearest,
             is_additive: false,
         };
@@ -82,22 +86,18 @@ impl PolygonCompute {
         })
     }
 
-    /// Passes polygons.clear, polygons.nearest and polygons.resolve: so many polygons of a list. Keeps what the targets hold
-    /// where it is nearer.
+    /// Passes polygons.clear and polygons.nearest: so many polygons of a list, at least one. Gives the parts of the list that the
+    /// next pass binds.
     ///
     /// # Errors
     /// When the frame has no room for the constants of so many parts.
-    pub(crate) fn record(
+    pub(crate) fn record<'a>(
         &self,
         frame: &mut FrameRecorder<'_>,
-        targets: &FrameTargets,
-        list: &PolygonRecords<'_>,
+        list: &PolygonRecords<'a>,
         context: &Context,
         constants: UniformBlock,
-    ) -> Result<(), Error> {
-        if list.count == 0 {
-            return Ok(());
-        }
+    ) -> Result<Vec<BoundRun<'a>>, Error> {
         let polygons = list.polygons;
         let records = (polygons, size_of::<OrientedPolygon>() as u64);
         let mut parts = Vec::new();
@@ -118,12 +118,23 @@ impl PolygonCompute {
                 compute.items(count * SHARERS);
             }
         });
-        let pass = targets
-            .attach_after(frame.pass("polygons.resolve"), context, false)
-            .fragment_storage(polygons)
+        Ok(parts)
+    }
+
+    /// Pass polygons.resolve, whose targets are attached. Keeps what they hold where it is nearer.
+    pub(crate) fn resolve(
+        &self,
+        pass: PassBuilder<'_>,
+        list: &PolygonRecords<'_>,
+        (parts, context): (&[BoundRun<'_>], &Context),
+        constants: UniformBlock,
+    ) {
+        let keys = BufferSlice::whole(&self.keys);
+        let pass = pass
+            .fragment_storage(list.polygons)
             .fragment_storage(&self.keys);
         list.declared(pass).draw_whole(|draw| {
-            for &((part, uniform, _), images) in &parts {
+            for &((part, uniform, _), images) in parts {
                 let uniforms = [constants, uniform];
                 let mut storage = vec![part, keys];
                 storage.extend(images.into_iter().flatten());
@@ -131,7 +142,6 @@ impl PolygonCompute {
                 raster_pass::cover(draw, &[context.rect_px]);
             }
         });
-        Ok(())
     }
 }
 

@@ -27,6 +27,7 @@ use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::opaque::polygon_variant::{PatchImages, PolygonRecords};
 use crate::render::vulkan::opaque::polygons::PolygonPasses;
+use crate::render::vulkan::opaque::rims::NumberedPatches;
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::raster_pass::{
@@ -217,6 +218,7 @@ impl VulkanRenderer {
             targets: &self.targets,
             looks: &self.looks,
             plan,
+            patches: passes.shown_patches(),
         };
         last.end(frame, constants, end)
     }
@@ -321,6 +323,18 @@ impl<'a> CutPasses<'a> {
         Ok(())
     }
 
+    /// Patches that the picture shows; none of other frames.
+    fn shown_patches(&self) -> Option<NumberedPatches<'a>> {
+        let CutLists::Packed(lists, held, _) = self.lists else {
+            return None;
+        };
+        Some(NumberedPatches {
+            polygons: lists.polygons(),
+            count: held.polygons,
+            numbers: self.polygons?.numbers()?,
+        })
+    }
+
     /// Images that patches show, and where they are in them; all pages of a model have its images.
     fn patch_images(&self, lists: &'a DrawLists) -> Option<PatchImages<'a>> {
         let of = |run: &PageRange| {
@@ -339,7 +353,8 @@ impl<'a> CutPasses<'a> {
         })
     }
 
-    /// Records triangles, what compute draws, and splats by the rasterizer, each where there are any. The first pass clears.
+    /// Records triangles, what compute draws, splats by the rasterizer, and polygons, each where there are any. The first pass
+    /// clears. Polygons are the last, as those that stay in the picture are known by their numbers.
     ///
     /// # Errors
     /// When the frame has no room for the constants of its parts.
@@ -360,11 +375,16 @@ impl<'a> CutPasses<'a> {
         let has_splats = !list.only_splats().is_empty();
         let has_polygons = self.lists.polygons() > 0;
         // Polygons clear nothing.
-        let is_first_of_many = has_small || has_splats;
-        let has_triangles = !list.triangles.is_empty() || has_polygons || !is_first_of_many;
+        let has_triangles = !list.triangles.is_empty() || !(has_small || has_splats);
         if has_triangles {
             triangle_runs::record_triangles(frame, pipeline, targets, &list, context, constants);
         }
+        if let Some((small, list)) = small {
+            let context = (context, !has_triangles);
+            small.record(frame, targets, list, context, constants)?;
+        }
+        let is_first = !has_triangles && !has_small;
+        splats.record_list(frame, targets, &list, (context, is_first), constants);
         if let (Some(polygons), CutLists::Packed(lists, held, _), true) =
             (self.polygons, self.lists, has_polygons)
         {
@@ -375,12 +395,6 @@ impl<'a> CutPasses<'a> {
             };
             polygons.record(frame, targets, list, context, constants)?;
         }
-        if let Some((small, list)) = small {
-            let context = (context, !has_triangles);
-            small.record(frame, targets, list, context, constants)?;
-        }
-        let context = (context, !has_triangles && !has_small);
-        splats.record_list(frame, targets, &list, context, constants);
         Ok(())
     }
 

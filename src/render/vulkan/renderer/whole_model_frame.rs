@@ -41,6 +41,7 @@ impl VulkanRenderer {
             targets,
             looks: &self.looks,
             plan,
+            patches: None,
         };
         submit_whole(frames, &last, counts, end, |frame, c| {
             triangles::record(frame, pipeline, targets, scene, context, c);
@@ -83,6 +84,7 @@ impl VulkanRenderer {
             targets,
             looks: &self.looks,
             plan,
+            patches: None,
         };
         submit_whole(frames, &last, counts, end, |frame, c| {
             match (plan.technique, opaque, fuzzy, visibility) {
