@@ -192,13 +192,13 @@ pub fn patches_by(rules: PatchRules) -> BenchLine {
         inside_px,
         shade_levels,
     } = rules.tolerances;
-    let tiny = if rules.tiny_polygons {
-        " and below a pixel"
-    } else {
-        ""
+    let how = match (rules.tiny_polygons, rules.covers_rims) {
+        (true, _) => " and below a pixel",
+        (_, true) => " with covered rims",
+        _ => "",
     };
     BenchLine {
-        name: format!("patches, {rim_px},{inside_px},{shade_levels}{tiny}"),
+        name: format!("patches, {rim_px},{inside_px},{shade_levels}{how}"),
         settings: Settings {
             patches: Some(rules),
             ..Settings::default()
@@ -235,8 +235,8 @@ pub fn lists(threshold_px: f32) -> [BenchLine; 2] {
     })
 }
 
-/// Rules of patches whose errors are measured: the usual ones, finer and coarser, and with nodes below a pixel.
-const ERRORS: [PatchRules; 5] = [
+/// Rules of patches whose errors are measured: the usual ones, finer and coarser, with nodes below a pixel, and with covered rims.
+const ERRORS: [PatchRules; 7] = [
     within(0.15, 0.25, 24.0),
     within(0.1, 0.15, 8.0),
     within(0.25, 0.5, 24.0),
@@ -245,7 +245,16 @@ const ERRORS: [PatchRules; 5] = [
         tiny_polygons: true,
         ..within(0.5, 1.0, 48.0)
     },
+    covered(within(0.15, 0.25, 24.0)),
+    covered(within(0.25, 0.5, 24.0)),
 ];
+
+const fn covered(rules: PatchRules) -> PatchRules {
+    PatchRules {
+        covers_rims: true,
+        ..rules
+    }
+}
 
 const fn within(rim_px: f32, inside_px: f32, shade_levels: f32) -> PatchRules {
     PatchRules {
@@ -256,7 +265,7 @@ const fn within(rim_px: f32, inside_px: f32, shade_levels: f32) -> PatchRules {
         },
         is_strict: false,
         tiny_polygons: false,
-        covers_rims: true,
+        covers_rims: false,
     }
 }
 

@@ -43,8 +43,9 @@ pub(crate) struct ErrorArgs {
     /// Shape of nodes below --threshold, with --error
     #[arg(long, value_enum, value_name = "AS", default_value = "squares")]
     tiny_nodes: TinyNodeName,
-    /// Outlines of patches, with --error; stepped in pictures of several samples, and where colors are data or photographs
-    #[arg(long, value_enum, value_name = "AS", default_value = "covered")]
+    /// Outlines of patches, with --error: covered is nearer to the triangles and takes longer. In pictures of several samples, and
+    /// where colors are data or photographs, they are stepped
+    #[arg(long, value_enum, value_name = "AS", default_value = "stepped")]
     rims: RimName,
 }
 
@@ -57,8 +58,8 @@ impl ErrorArgs {
                 (_, TinyNodeName::Polygons, _) => {
                     Err(usage("--tiny-nodes is of --error; give both"))
                 }
-                (.., RimName::Stepped) => Err(usage("--rims is of --error; give both")),
-                (.., RimName::Covered) => Ok(None),
+                (.., RimName::Covered) => Err(usage("--rims is of --error; give both")),
+                (.., RimName::Stepped) => Ok(None),
             };
         };
         if method != Method::Pop {
@@ -109,6 +110,38 @@ mod tests {
         assert_eq!(found, Ok([0.1, 0.5, -1.0]));
         for bad in ["", "1,2", "1,2,x", "1,2,inf", "1,2,3,4"] {
             assert!(parse_error(bad).is_err(), "{bad}");
+        }
+    }
+    #[test]
+    fn what_is_of_the_error_needs_one() {
+        let usual = ErrorArgs {
+            error: None,
+            bound: ErrorBoundName::Mean,
+            tiny_nodes: TinyNodeName::Squares,
+            rims: RimName::Stepped,
+        };
+        assert!(matches!(usual.rules(Method::Pop), Ok(None)));
+        let others = [
+            ErrorArgs {
+                bound: ErrorBoundName::Strict,
+                ..usual.clone()
+            },
+            ErrorArgs {
+                tiny_nodes: TinyNodeName::Polygons,
+                ..usual.clone()
+            },
+            ErrorArgs {
+                rims: RimName::Covered,
+                ..usual.clone()
+            },
+        ];
+        for args in others {
+            assert!(args.rules(Method::Pop).is_err(), "{args:?}");
+            let error = Some(ErrorTolerances::default());
+            let rules = ErrorArgs { error, ..args }.rules(Method::Pop);
+            let rules = rules.ok().flatten().expect("rules of an error");
+            let changed = [rules.is_strict, rules.tiny_polygons, rules.covers_rims];
+            assert_eq!(changed.iter().filter(|is_on| **is_on).count(), 1);
         }
     }
 }

@@ -52,7 +52,7 @@ impl ErrorTolerances {
 }
 
 /// Which nodes a frame draws as patches.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PatchRules {
     /// How wrong a patch may be.
     pub tolerances: ErrorTolerances,
@@ -63,17 +63,6 @@ pub struct PatchRules {
     pub tiny_polygons: bool,
     /// Pixels at the rims of patches show how much of them is covered, by sixteen samples; else what is at their centers.
     pub covers_rims: bool,
-}
-
-impl Default for PatchRules {
-    fn default() -> Self {
-        Self {
-            tolerances: ErrorTolerances::default(),
-            is_strict: false,
-            tiny_polygons: false,
-            covers_rims: true,
-        }
-    }
 }
 
 impl PatchRules {

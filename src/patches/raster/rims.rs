@@ -56,8 +56,10 @@ struct RimScan<'a> {
 
 /// Patches that a pixel and its neighbors show, and what is behind them.
 struct RimSurroundings {
+    /// Place among depths.
+    at: usize,
     count: usize,
-    /// Number, sides, and color of a pixel that shows it.
+    /// Number, lane where it is set up, and color of a pixel that shows it.
     patches: [(u32, usize, Vec4); AROUND.len()],
     /// Depth and color; `None` where what no patch covers does not count.
     behind: Option<(f32, Vec4)>,
@@ -141,8 +143,8 @@ impl RimScan<'_> {
         Vec4::from(word.to_le_bytes().map(f32::from)) / 255.0
     }
 
-    /// Surroundings of a pixel; patches are put into the records. `None` where there are none.
-    fn around(&self, [x, y]: [usize; 2], records: &mut RecordRows) -> Option<RimSurroundings> {
+    /// Surroundings of a pixel, with lanes that are not known yet. `None` where there are no patches.
+    fn around(&self, [x, y]: [usize; 2]) -> Option<RimSurroundings> {
         let [width, height] = self.size();
         let mut patches = [(NOTHING, 0, Vec4::ZERO); AROUND.len()];
         let (mut others, mut other_count, mut count) = (Vec4::ZERO, 0.0, 0);
@@ -165,10 +167,7 @@ impl RimScan<'_> {
                 others += self.color(at);
                 other_count += 1.0;
             } else if patches[..count].iter().all(|(known, ..)| *known != number) {
-                let polygon = self.polygon(number);
-                records.put(count, polygon);
-                let sides = polygon.footprint().len().max(1);
-                patches[count] = (number, sides, self.color(at));
+                patches[count] = (number, 0, self.color(at));
                 count += 1;
             }
         }
@@ -178,6 +177,7 @@ impl RimScan<'_> {
             (false, false) => None,
         };
         (count > 0).then_some(RimSurroundings {
+            at: own,
             count,
             patches,
             behind,
@@ -193,8 +193,7 @@ impl RimBand {
         self.found.clear();
         let [width, height] = input.size();
         let row = |y: usize| &input.picture.depths[y * width..(y + 1) * width];
-        let mut records = RecordRows::ZERO;
-        let mut batch = PatchBatch::ZERO;
+        let mut batch = RimBatch::new();
         for y in rows {
             let own = row(y);
             self.is_rim.clear();
@@ -210,20 +209,129 @@ impl RimBand {
             }
             let flags = self.is_rim.iter().enumerate();
             for (x, _) in flags.filter(|(_, is_rim)| **is_rim) {
-                let Some(around) = input.around([x, y], &mut records) else {
+                let Some(around) = input.around([x, y]) else {
                     continue;
                 };
-                batch.set_up(simd, input.view, &records, [0.0; 4]);
-                let corner = [x, y].map(|place| place as f32);
-                let corner = [
-                    corner[0] + input.rect_px[0] as f32,
-                    corner[1] + input.rect_px[1] as f32,
-                ];
-                if let Some(color) = color_of(simd, input.view, &batch, (&around, corner)) {
-                    self.found.push((y * width + x, color));
+                if !batch.has_room(&around) {
+                    batch.finish(simd, input, &mut self.found);
                 }
+                batch.add(input, around);
             }
         }
+        batch.finish(simd, input, &mut self.found);
+    }
+}
+
+/// Pixels that lie near each other, and the patches around them, which are set up at once: pixels share most of them.
+struct RimBatch {
+    records: RecordRows,
+    patches: PatchBatch,
+    count: usize,
+    /// Number and sides of each lane.
+    lanes: [(u32, usize); LANES],
+    waiting: Vec<RimSurroundings>,
+}
+
+impl RimBatch {
+    fn new() -> Self {
+        Self {
+            records: RecordRows::ZERO,
+            patches: PatchBatch::ZERO,
+            count: 0,
+            lanes: [(NOTHING, 1); LANES],
+            waiting: Vec::new(),
+        }
+    }
+
+    fn lane_of(&self, number: u32) -> Option<usize> {
+        let mut lanes = self.lanes[..self.count].iter();
+        lanes.position(|(known, _)| *known == number)
+    }
+
+    /// Tells whether the patches around another pixel have lanes.
+    fn has_room(&self, around: &RimSurroundings) -> bool {
+        let patches = &around.patches[..around.count];
+        let new = patches.iter().filter(|own| self.lane_of(own.0).is_none());
+        self.count + new.count() <= LANES
+    }
+
+    /// Adds a pixel for whose patches there is room.
+    fn add(&mut self, input: &RimScan<'_>, mut around: RimSurroundings) {
+        for (number, lane, _) in &mut around.patches[..around.count] {
+            *lane = self.lane_of(*number).unwrap_or_else(|| {
+                let polygon = input.polygon(*number);
+                let lane = self.count;
+                self.records.put(lane, polygon);
+                self.lanes[lane] = (*number, polygon.footprint().len().max(1));
+                self.count += 1;
+                lane
+            });
+        }
+        self.waiting.push(around);
+    }
+
+    /// Colors the pixels, and empties itself.
+    #[inline(always)]
+    fn finish<S: Simd>(&mut self, simd: S, input: &RimScan<'_>, found: &mut Vec<(usize, Vec4)>) {
+        self.patches
+            .set_up(simd, input.view, &self.records, [0.0; 4]);
+        let [left, top, ..] = input.rect_px.map(|edge| edge as f32);
+        let width = input.size()[0];
+        for around in &self.waiting {
+            let (x, y) = ((around.at % width) as f32, (around.at / width) as f32);
+            if let Some(color) = self.color_of(simd, input.view, (around, [left + x, top + y])) {
+                found.push((around.at, color));
+            }
+        }
+        self.waiting.clear();
+        self.count = 0;
+    }
+
+    /// Color of a pixel, whose left top corner is at a place, by its samples; `None` where none counts.
+    #[inline(always)]
+    fn color_of<S: Simd>(
+        &self,
+        simd: S,
+        view: &RasterView,
+        (around, corner): (&RimSurroundings, [f32; 2]),
+    ) -> Option<Vec4> {
+        let places = [
+            f32x16::from_slice(simd, &RIM_PLACES[0]) + corner[0],
+            f32x16::from_slice(simd, &RIM_PLACES[1]) + corner[1],
+        ];
+        let mut front = f32x16::splat(simd, around.behind.map_or(0.0, |(depth, _)| depth));
+        let mut nearest = f32x16::splat(simd, -1.0);
+        for (index, &(number, lane, _)) in around.patches[..around.count].iter().enumerate() {
+            let (_, sides) = self.lanes[lane];
+            let patch = BatchLane {
+                batch: &self.patches,
+                lane,
+                sides,
+                number,
+            };
+            let seen = match around.outward {
+                Some(outward) => Some(patch.seen_up_to(simd, view, places, outward.to_array())),
+                None => patch.seen_at(simd, view, places),
+            };
+            let Some(seen) = seen else { continue };
+            let wins = seen.covered & seen.depth.simd_gt(front);
+            front = wins.select(seen.depth, front);
+            nearest = wins.select(f32x16::splat(simd, index as f32), nearest);
+        }
+        let mut lanes = [0.0; LANES];
+        nearest.store_slice(&mut lanes);
+        let (mut sum, mut count) = (Vec4::ZERO, 0.0);
+        for lane in lanes {
+            let color = match lane >= 0.0 {
+                true => Some(around.patches[lane as usize].2),
+                false => around.behind.map(|(_, color)| color),
+            };
+            if let Some(color) = color {
+                sum += color;
+                count += 1.0;
+            }
+        }
+        (count > 0.0).then(|| sum / count)
     }
 }
 
@@ -239,50 +347,4 @@ fn flag_rims(
     for ((&own, (&before, &after)), is_rim) in own.iter().zip(sides).zip(is_rim) {
         *is_rim |= straight.is_broken([before, own, after]);
     }
-}
-
-/// Color of a pixel, whose left top corner is at a place, by its samples; `None` where none counts.
-#[inline(always)]
-fn color_of<S: Simd>(
-    simd: S,
-    view: &RasterView,
-    batch: &PatchBatch,
-    (around, corner): (&RimSurroundings, [f32; 2]),
-) -> Option<Vec4> {
-    let places = [
-        f32x16::from_slice(simd, &RIM_PLACES[0]) + corner[0],
-        f32x16::from_slice(simd, &RIM_PLACES[1]) + corner[1],
-    ];
-    let mut front = f32x16::splat(simd, around.behind.map_or(0.0, |(depth, _)| depth));
-    let mut nearest = f32x16::splat(simd, -1.0);
-    for (lane, &(number, sides, _)) in around.patches[..around.count].iter().enumerate() {
-        let patch = BatchLane {
-            batch,
-            lane,
-            sides,
-            number,
-        };
-        let seen = match around.outward {
-            Some(outward) => Some(patch.seen_up_to(simd, view, places, outward.to_array())),
-            None => patch.seen_at(simd, view, places),
-        };
-        let Some(seen) = seen else { continue };
-        let wins = seen.covered & seen.depth.simd_gt(front);
-        front = wins.select(seen.depth, front);
-        nearest = wins.select(f32x16::splat(simd, lane as f32), nearest);
-    }
-    let mut lanes = [0.0; LANES];
-    nearest.store_slice(&mut lanes);
-    let (mut sum, mut count) = (Vec4::ZERO, 0.0);
-    for lane in lanes {
-        let color = match lane >= 0.0 {
-            true => Some(around.patches[lane as usize].2),
-            false => around.behind.map(|(_, color)| color),
-        };
-        if let Some(color) = color {
-            sum += color;
-            count += 1.0;
-        }
-    }
-    (count > 0.0).then(|| sum / count)
 }
