@@ -8,6 +8,7 @@ use common::{Device, generated, orbit};
 use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
+use surfel::patches::PatchRules;
 use surfel::render::engine::{Backend, Engine, smooth_threshold};
 use surfel::render::stats::{FrameTimes, KeptWork};
 use surfel::render::vulkan::renderer::present::ShownFrame;
@@ -255,6 +256,39 @@ fn a_window_that_changes_its_size_goes_on() {
             let size = (width, height);
             let mut engine = Engine::new(&Backend::Cpu, &model, size, outputs).unwrap();
             assert!(picture == engine.render(&view, &look).unwrap());
+        }
+    }
+}
+
+/// What patches are drawn into is as large as the window, by the rasterizer and by compute, with stepped rims and covered ones.
+#[test]
+fn patches_of_a_window_that_changes_its_size_go_on() {
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
+    let model = generated(GeneratedShape::Torus, 30_000);
+    let mut window = Window::new(&device, &model, WindowBackend::Vulkan);
+    for path in [Path::Raster, Path::Compute] {
+        for (width, height) in [SIZE, (320, 200), (90, 140)] {
+            window.renderer.resize(width, height).unwrap();
+            let view = orbit(&model, (width, height), 30.0, 20.0, 1.0);
+            for covers_rims in [false, true] {
+                let look = Settings {
+                    path,
+                    patches: Some(PatchRules {
+                        covers_rims,
+                        ..PatchRules::default()
+                    }),
+                    ..Settings::default()
+                };
+                let backend = Backend::Vulkan(device.gpu().clone());
+                let outputs = PictureOutputs::default();
+                let size = (width, height);
+                let mut engine = Engine::new(&backend, &model, size, outputs).unwrap();
+                let wanted = engine.render(&view, &look).unwrap();
+                let what = format!("{path:?} {width} x {height}");
+                assert!(window.picture(&view, &look).color == wanted.color, "{what}");
+            }
         }
     }
 }

@@ -156,10 +156,9 @@ impl PatchRaster {
         light: &PatchLight,
         target: PatchTarget<'_>,
     ) {
-        let raster = RasterView::new(view);
-        let ink = BlockInk::Lit(*light);
-        self.rect_px = target.rect_px;
         let mut numbers = self.empty_numbers(target.depths.len());
+        let (raster, ink) = (RasterView::new(view), BlockInk::Lit(*light));
+        self.rect_px = target.rect_px;
         self.draw_by(Level::new(), (lists, &raster), ink, target, &mut numbers);
         self.numbers = numbers;
         self.view = Some(raster);

@@ -7,9 +7,9 @@
 //! color of the pixel that shows the nearest patch that covers it: itself, else the first in the order of [`AROUND`]. Patches that
 //! are smaller than a pixel may lie between those that are seen. So a patch is bounded only by those of its sides that face the
 //! way in which depths fall around the pixel, and widened by half its margin. Where they fall to several sides, as beside what is
-//! thin, it is what it is. A pixel
-//! that shows no patch is covered by what it shows, at its depth, wherever none of those is nearer. Where it shows a patch, what
-//! none covers shows the mean of those of the neighbors that show none; without such neighbors it does not count.
+//! thin, all sides bound it, and the whole margin widens it. A pixel that shows no patch is covered by what it shows, at its
+//! depth, wherever none of those is nearer. Where it shows a patch, what none covers shows the mean of those of the neighbors that
+//! show none; without such neighbors it does not count.
 
 use crate::math::camera::View;
 use crate::pack::polygons::ScreenPolygon;

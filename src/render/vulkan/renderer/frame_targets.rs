@@ -20,6 +20,7 @@ impl VulkanRenderer {
         self.readback = None;
         self.looks = PictureLooks::default();
         self.small = None;
+        (self.polygons, self.spare_polygons) = (None, Vec::new());
         (self.filtered, self.spare_filtered) = (None, Vec::new());
         self.visibility = None;
         (self.fuzzy, self.spare_fuzzy) = (None, Vec::new());
@@ -39,7 +40,6 @@ impl VulkanRenderer {
         self.remake_targets(size, normals)?;
         // Their pipelines write all targets.
         self.splats.clear();
-        (self.polygons, self.spare_polygons) = (None, Vec::new());
         self.lists.iter_mut().for_each(|lists| lists.held = None);
         Ok(())
     }
