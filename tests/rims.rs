@@ -41,10 +41,10 @@ fn engine<'m>(backend: &Backend, model: &'m Model) -> Engine<'m> {
     Engine::new(backend, model, SIZE, outputs).unwrap()
 }
 
-fn models() -> Vec<(&'static str, Model)> {
+fn models(triangles: u64) -> Vec<(&'static str, Model)> {
     vec![
-        ("sphere", generated(GeneratedShape::Sphere, 200_000)),
-        ("torus", generated(GeneratedShape::Torus, 200_000)),
+        ("sphere", generated(GeneratedShape::Sphere, triangles)),
+        ("torus", generated(GeneratedShape::Torus, triangles)),
         ("scan", scans(&[]).remove(0).1),
     ]
 }
@@ -71,7 +71,7 @@ fn rims(stepped: &Image, covered: &Image) -> Vec<usize> {
 }
 
 fn assert_as_reference(backend: &Backend, path: Path) {
-    for (name, model) in models() {
+    for (name, model) in models(50_000) {
         let mut engines = [backend, &Backend::Reference, &Backend::Cpu].map(|b| engine(b, &model));
         for (number, view) in views(&model).iter().enumerate() {
             let [stepped, covered] = [false, true].map(|covers_rims| Settings {
@@ -168,7 +168,7 @@ fn covered_rims_are_nearer_to_many_samples() {
         method: Method::Triangles,
         ..settings(false)
     };
-    for (name, model) in models() {
+    for (name, model) in models(200_000) {
         let mut own = Engine::new(&Backend::Cpu, &model, SIZE, PictureOutputs::default()).unwrap();
         let view = orbit(&model, SIZE, 30.0, 20.0, 0.8);
         let many = own.supersample(&view, &triangles, 8).unwrap();
