@@ -662,6 +662,7 @@ fn a_renderer_that_keeps_lists_switches_photographs_on_and_off() {
             inside_px: 0.5,
             shade_levels: 24.0,
         },
+        covers_rims: true,
         ..PatchRules::default()
     };
     let looks = [

@@ -191,7 +191,29 @@ fn covered_rims_are_nearer_to_many_samples() {
     }
 }
 
-/// Data, photographs and samples of pixels keep the centers' colors.
+/// Colors as floats are covered as the others are.
+#[test]
+fn values_are_covered_too() {
+    let model = generated(GeneratedShape::Torus, 20_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    let outputs = PictureOutputs {
+        values: true,
+        ..PictureOutputs::default()
+    };
+    for backend in [Backend::Reference, Backend::Cpu] {
+        let mut own = Engine::new(&backend, &model, SIZE, outputs).unwrap();
+        let [stepped, covered] =
+            [false, true].map(|rims| own.render(&view, &settings(rims)).unwrap());
+        assert!(rims(&stepped, &covered).len() > 100, "{backend:?}");
+        assert_eq!(covered.values.len(), covered.color.len(), "{backend:?}");
+        for (value, color) in covered.values.iter().zip(&covered.color) {
+            let is_same = |i: usize| (255.0 * value[i] - f32::from(color[i])).abs() < 0.51;
+            assert!((0..4).all(is_same), "{backend:?}: {value:?} {color:?}");
+        }
+    }
+}
+
+/// Data and samples of pixels keep the centers' colors.
 #[test]
 fn data_and_samples_are_of_one_place() {
     let model = generated(GeneratedShape::Torus, 20_000);

@@ -108,3 +108,10 @@ const float ROOT_2 = 1.4142135;
 const float ROOT_4 = 1.1892071;
 const float ROOT_8 = 1.0905077;
 const float ROOT_16 = 1.0442737;
+// Rims of patches: widths of a pixel by which depths may be off a straight line. At one pixel more than twice as many pixels
+// are sampled, and pictures are no nearer.
+const float RIM_STRAIGHT_PX = 4.0;
+// Part of a patch's margin that counts there: the surface lies within the thickness on both sides of its plane.
+const float RIM_MARGIN = 0.5;
+// Cosine of the angle with the way outward from which on a side of a patch bounds it there.
+const float OUTWARD_COSINE = 0.3;

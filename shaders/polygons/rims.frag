@@ -12,12 +12,6 @@ layout(set = 0, binding = 5) uniform usampler2D numbers;
 layout(location = 0) out vec4 covered_color;
 
 const int SAMPLES = 16;
-// Widths of a pixel by which depths may differ.
-const float STRAIGHT_PX = 4.0;
-// Part of a patch's margin that counts.
-const float RIM_MARGIN = 0.5;
-// Cosine of the angle with the way outward from which on a side bounds a patch.
-const float OUTWARD_COSINE = 0.3;
 
 // Sixteenths of a pixel.
 const vec2 STEPS[SAMPLES] = vec2[](
@@ -50,7 +44,7 @@ bool is_broken(ivec2 pixel, ivec2 step, float own) {
         return false;
     }
     float bend = depth_at(pixel - step) + depth_at(pixel + step) - 2.0 * own;
-    float per_px = 2.0 * STRAIGHT_PX / frame.focal_px;
+    float per_px = 2.0 * RIM_STRAIGHT_PX / frame.focal_px;
     float at_depth = has_flag(FLAG_ORTHOGRAPHIC) ? abs(frame.clip_from_view[2][2]) : own + frame.clip_from_view[2][2];
     return abs(bend) > at_depth * per_px;
 }

@@ -452,7 +452,7 @@ impl ScreenPolygon {
     /// Sample at a window position if only sides that face along a direction bound the polygon, by at least this cosine,
     /// and only a part of the margin widens it: it goes on without end the other way. Depths are those of
     /// [`ScreenPolygon::sample`].
-    pub(crate) fn sample_up_to(
+    pub(crate) fn sample_with_outer_sides(
         &self,
         at: DVec2,
         (outward, cosine): (DVec2, f64),

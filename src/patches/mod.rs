@@ -30,8 +30,6 @@ pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
 pub use raster::{PatchLight, PatchList, PatchPixel, PatchRaster, PatchTarget, RimPicture};
 pub use record::{MOST_CORNERS, NodePatch, NodePatches, RESIDUAL_LEVELS};
 pub use resident::{ResidentPatches, add_records};
-pub(crate) use rim_rules::{
-    AROUND, OUTWARD_COSINE, RIM_MARGIN, RIM_PLACES, RIM_SAMPLES, StraightDepth, outward,
-};
+pub(crate) use rim_rules::{AROUND, RIM_PLACES, RIM_SAMPLES, StraightDepth, outward_direction};
 pub use settings::{ErrorTolerances, PatchCutSettings, PatchRules};
 pub(crate) use texture::PixelRays;

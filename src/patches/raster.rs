@@ -65,6 +65,8 @@ pub struct PatchTarget<'a> {
     pub depths: &'a mut [f32],
     /// Left, top, and one past right and bottom, pixels.
     pub rect_px: [u32; 4],
+    /// Keep numbers of patches beside colors, for [`PatchRaster::cover_rims`].
+    pub keeps_numbers: bool,
 }
 
 /// Draws patches, and keeps its memory from one picture to the next: 4 bytes for each band that a patch lies in, and 4 a pixel
@@ -140,28 +142,17 @@ impl PatchRaster {
         light: &PatchLight,
         target: PatchTarget<'_>,
     ) {
-        let raster = RasterView::new(view);
-        let ink = BlockInk::Lit(*light);
-        self.draw_by(Level::new(), (lists, &raster), ink, target, &mut []);
-    }
-
-    /// Draws as [`PatchRaster::draw`], and keeps numbers of patches for [`PatchRaster::cover_rims`].
-    ///
-    /// # Panics
-    /// When the target is smaller than its rectangle.
-    pub fn draw_with_numbers(
-        &mut self,
-        lists: &[PatchList<'_>],
-        view: &View,
-        light: &PatchLight,
-        target: PatchTarget<'_>,
-    ) {
-        let mut numbers = self.empty_numbers(target.depths.len());
+        let mut numbers = match target.keeps_numbers {
+            true => self.empty_numbers(target.depths.len()),
+            false => Vec::new(),
+        };
         let (raster, ink) = (RasterView::new(view), BlockInk::Lit(*light));
-        self.rect_px = target.rect_px;
+        let (rect_px, keeps_numbers) = (target.rect_px, target.keeps_numbers);
         self.draw_by(Level::new(), (lists, &raster), ink, target, &mut numbers);
-        self.numbers = numbers;
-        self.view = Some(raster);
+        if keeps_numbers {
+            (self.numbers, self.rect_px) = (numbers, rect_px);
+            self.view = Some(raster);
+        }
     }
 
     /// Numbers of nothing.
@@ -190,6 +181,7 @@ impl PatchRaster {
             pitch: rect_px[2].saturating_sub(rect_px[0]) as usize,
             depths,
             rect_px,
+            keeps_numbers: false,
         };
         let ink = BlockInk::Numbers;
         self.draw_by(Level::new(), (lists, &raster), ink, target, &mut []);
@@ -295,6 +287,7 @@ impl PatchRaster {
             pitch: wide,
             depths: &mut depths,
             rect_px: [left, top, left + width, top + rows],
+            keeps_numbers: false,
         };
         self.draw_by(level, (lists, view), ink, padded, &mut wide_numbers);
         for row in 0..sides[1] as usize {

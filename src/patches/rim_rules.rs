@@ -1,5 +1,6 @@
 //! Rules by which pixels at the rims of patches are found and sampled, the same for all that draws them.
 
+use crate::abi::constants::RIM_STRAIGHT_PX;
 use crate::math::camera::View;
 use glam::Vec2;
 
@@ -51,19 +52,9 @@ pub(crate) const AROUND: [[i32; 2]; 9] = [
     [1, 1],
 ];
 
-/// Widths of a pixel by which depths may differ. At one pixel more than twice as many pixels are sampled, and pictures are no
-/// nearer.
-const STRAIGHT_PX: f32 = 4.0;
-
-/// Part of a patch's margin that counts at rims: the surface lies within the thickness on both sides of its plane.
-pub(crate) const RIM_MARGIN: f32 = 0.5;
-
-/// Cosine of the angle with the way outward from which on a side of a patch bounds it.
-pub(crate) const OUTWARD_COSINE: f32 = 0.3;
-
 /// Direction on the picture in which depths fall around a pixel; unit. `None` where they fall to several sides, by more than half.
 /// `steps` are columns and rows to its neighbors, with what reversed depths are less there.
-pub(crate) fn outward(steps: impl Iterator<Item = (Vec2, f32)>) -> Option<Vec2> {
+pub(crate) fn outward_direction(steps: impl Iterator<Item = (Vec2, f32)>) -> Option<Vec2> {
     let (mut sum, mut all) = (Vec2::ZERO, 0.0);
     for (step, fall) in steps.filter(|(step, _)| *step != Vec2::ZERO) {
         sum += step * (fall / step.length_squared());
@@ -73,19 +64,20 @@ pub(crate) fn outward(steps: impl Iterator<Item = (Vec2, f32)>) -> Option<Vec2> 
     is_one_way.then(|| sum.normalize())
 }
 
-/// How far the depth of a pixel may be from the mean of those on both sides. Reversed depths go on straight where a plane does.
+/// Limit of how far the reversed depth of a pixel may be from the mean of those on both sides: in a plane they go on straight.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StraightDepth {
-    /// Of the depth.
-    pub(crate) times: f32,
-    pub(crate) plus: f32,
+    /// Share of the depth that counts towards the limit.
+    times: f32,
+    /// Part of the limit that is the same at all depths.
+    plus: f32,
 }
 
 impl StraightDepth {
     pub(crate) fn new(view: &View) -> Self {
         let clip = view.clip_from_view();
         // Twice, as the sum of both sides is compared.
-        let per_px = 2.0 * STRAIGHT_PX / view.focal_px();
+        let per_px = 2.0 * RIM_STRAIGHT_PX / view.focal_px();
         match view.is_perspective {
             // 1 / distance, times the width of a pixel over the distance.
             true => Self {

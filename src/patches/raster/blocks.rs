@@ -5,7 +5,7 @@
 use super::PatchLight;
 use super::set_up::{FORMS, LaneRow, PatchBatch};
 use super::view::RasterView;
-use crate::patches::rim_rules::{OUTWARD_COSINE, RIM_MARGIN};
+use crate::abi::constants::{OUTWARD_COSINE, RIM_MARGIN};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x16, i32x16, mask32x16, u32x4, u32x16};
 
@@ -213,7 +213,7 @@ impl BatchLane<'_> {
 
     /// Coverage and depth of the patch if only sides that face along a direction bound it: it goes on without end the other way.
     #[inline(always)]
-    pub(super) fn seen_up_to<S: Simd>(
+    pub(super) fn seen_with_outer_sides<S: Simd>(
         &self,
         simd: S,
         view: &RasterView,

@@ -7,7 +7,9 @@ use super::set_up::{LANES, PatchBatch, RecordRows};
 use super::view::RasterView;
 use super::{BAND_ROWS, NOTHING, PatchList, PatchRaster};
 use crate::abi::OrientedPolygon;
-use crate::patches::rim_rules::{AROUND, RIM_PLACES, RIM_SAMPLES, StraightDepth, outward};
+use crate::patches::rim_rules::{
+    AROUND, RIM_PLACES, RIM_SAMPLES, StraightDepth, outward_direction,
+};
 use crate::threads::share;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, dispatch, f32x16};
@@ -181,7 +183,7 @@ impl RimScan<'_> {
             count,
             patches,
             behind,
-            outward: outward(falls.into_iter()),
+            outward: outward_direction(falls.into_iter()),
         })
     }
 }
@@ -310,7 +312,9 @@ impl RimBatch {
                 number,
             };
             let seen = match around.outward {
-                Some(outward) => Some(patch.seen_up_to(simd, view, places, outward.to_array())),
+                Some(outward) => {
+                    Some(patch.seen_with_outer_sides(simd, view, places, outward.to_array()))
+                }
                 None => patch.seen_at(simd, view, places),
             };
             let Some(seen) = seen else { continue };

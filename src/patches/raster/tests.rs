@@ -35,6 +35,7 @@ fn picture(
         pitch: view.width as usize,
         depths: &mut depths,
         rect_px,
+        keeps_numbers: false,
     };
     let light = PatchLight {
         is_parallel: !view.is_perspective
@@ -215,6 +216,7 @@ fn rectangles_are_parts_of_the_whole() {
         pitch: 97,
         depths: &mut depths,
         rect_px: [0, 0, 97, 90],
+        keeps_numbers: false,
     };
     raster.draw(&[list], &view, &LIGHT, target);
     assert!(colors.iter().all(|word| *word == 7) && depths.iter().all(|depth| *depth == 1.0));

@@ -11,11 +11,10 @@
 //! depth, wherever none of those is nearer. Where it shows a patch, what none covers shows the mean of those of the neighbors that
 //! show none; without such neighbors it does not count.
 
+use crate::abi::constants::{OUTWARD_COSINE, RIM_MARGIN};
 use crate::math::camera::View;
 use crate::pack::polygons::ScreenPolygon;
-use crate::patches::{
-    AROUND, OUTWARD_COSINE, RIM_MARGIN, RIM_PLACES, RIM_SAMPLES, StraightDepth, outward,
-};
+use crate::patches::{AROUND, RIM_PLACES, RIM_SAMPLES, StraightDepth, outward_direction};
 use crate::render::reference::bands::OpaquePixel;
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::polygons::PolygonList;
@@ -104,7 +103,7 @@ impl ExactRims<'_> {
             let step = Vec2::from(step.map(|step| step as f32));
             Some((step, own.depth - pixel.depth))
         });
-        let outward = outward(falls);
+        let outward = outward_direction(falls);
         let (mut sum, mut count) = (DVec4::ZERO, 0.0);
         for i in 0..RIM_SAMPLES {
             let corner = DVec2::new(place[0] as f64, place[1] as f64);
@@ -131,7 +130,7 @@ impl ExactRims<'_> {
         let seen = match outward {
             Some(outward) => {
                 let bound = (outward.as_dvec2(), f64::from(OUTWARD_COSINE));
-                patch.sample_up_to(at, bound, f64::from(RIM_MARGIN))
+                patch.sample_with_outer_sides(at, bound, f64::from(RIM_MARGIN))
             }
             None => patch.sample(at),
         };

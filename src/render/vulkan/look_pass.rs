@@ -4,13 +4,10 @@
 use crate::abi::{CompiledShader, shaders};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::DeviceImage as Target;
-use crate::gpu::pipeline::{
-    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
-};
+use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::raster_pass;
-use crate::render::vulkan::raster_pass::ScreenDraw;
-use crate::render::vulkan::targets::color_formats;
+use crate::render::vulkan::raster_pass::{ScreenDraw, screen_description};
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
 
@@ -58,17 +55,7 @@ impl LookPass {
     /// When memory runs out or a Vulkan call fails.
     pub(crate) fn new(rule: LookRule, gpu: &Arc<Gpu>, of: &FrameTargets) -> Result<Self, Error> {
         let color = of.color();
-        let description = PipelineDescription {
-            name: rule.name(),
-            vertex: &shaders::FILTERED_NORMALIZE_VERT,
-            fragment: Some(rule.shader()),
-            constants: &[],
-            record: VertexRecord::NOTHING,
-            topology: PrimitiveTopology::Triangles,
-            colors: color_formats(color.format, false),
-            depth: DepthMode::None,
-            is_additive: false,
-        };
+        let description = screen_description((rule.name(), rule.shader()), &[], color.format);
         Ok(Self {
             rule,
             pipeline: ShaderPipeline::new(gpu, &description)?,

@@ -3,16 +3,19 @@
 //! A technique says which targets a pass has, which pipelines draw its list, and what it leaves to others; how a list is
 //! declared and drawn stands here once.
 
+use crate::abi::{CompiledShader, ConstantValue, shaders};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::{AnyBuffer, DeviceBuffer};
 use crate::gpu::frame::{DrawRecorder, PassBuilder, UniformBlock};
-use crate::gpu::image::DeviceImage;
-use crate::gpu::pipeline::ShaderPipeline;
+use crate::gpu::image::{DeviceImage, ImageFormat};
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
 use crate::pack::fuzzy::PlacedFuzzy;
 use crate::pack::splats::PackedSplats;
 use crate::render::screen_bounds;
 use crate::render::vulkan::scene::{DeviceScene, ScenePage};
-use crate::render::vulkan::targets::Context;
+use crate::render::vulkan::targets::{Context, color_formats};
 
 /// A run of indices in the draw list that belongs to one page.
 #[derive(Debug, Clone, Copy)]
@@ -406,6 +409,25 @@ fn draw_range(draw: &mut DrawRecorder<'_>, range: RecordRange, are_quads: bool) 
         draw.draw_quads(range.first, range.count);
     } else {
         draw.draw(range.first, range.count);
+    }
+}
+
+/// Description of the pipeline of a triangle over the picture, which writes one color and tests no depth.
+pub(crate) fn screen_description<'a>(
+    (name, fragment): (&'static str, &'static CompiledShader),
+    constants: &'a [ConstantValue],
+    color: ImageFormat,
+) -> PipelineDescription<'a> {
+    PipelineDescription {
+        name,
+        vertex: &shaders::FILTERED_NORMALIZE_VERT,
+        fragment: Some(fragment),
+        constants,
+        record: VertexRecord::NOTHING,
+        topology: PrimitiveTopology::Triangles,
+        colors: color_formats(color, false),
+        depth: DepthMode::None,
+        is_additive: false,
     }
 }
 

@@ -125,14 +125,10 @@ impl CpuRenderer {
                 colors: pixels.from(rect_px),
                 depths,
                 rect_px,
+                keeps_numbers: covers_rims,
             };
             let light = shading.patch_light();
-            if covers_rims {
-                self.patch_raster
-                    .draw_with_numbers(&lists, frame.view, &light, target);
-            } else {
-                self.patch_raster.draw(&lists, frame.view, &light, target);
-            }
+            self.patch_raster.draw(&lists, frame.view, &light, target);
         } else {
             let raster = &mut self.patch_raster;
             raster.draw_numbers(&lists, frame.view, depths, rect_px);

@@ -6,13 +6,13 @@ use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::DeviceImage as Target;
-use crate::gpu::pipeline::{
-    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
-};
+use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
-use crate::render::vulkan::raster_pass::{RecordRange, ScreenDraw, full_screen};
+use crate::render::vulkan::raster_pass::{
+    RecordRange, ScreenDraw, full_screen, screen_description,
+};
 use crate::render::vulkan::storage_ranges;
-use crate::render::vulkan::targets::{Context, FrameTargets, color_formats};
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use std::sync::Arc;
 
 /// Patches that a picture shows.
@@ -54,17 +54,8 @@ impl RimPass {
             ),
             None => (None, None),
         };
-        let description = PipelineDescription {
-            name: "polygons.rims",
-            vertex: &shaders::FILTERED_NORMALIZE_VERT,
-            fragment: Some(&shaders::POLYGONS_RIMS_FRAG),
-            constants: &[],
-            record: VertexRecord::NOTHING,
-            topology: PrimitiveTopology::Triangles,
-            colors: color_formats(color.format, false),
-            depth: DepthMode::None,
-            is_additive: false,
-        };
+        let shader = ("polygons.rims", &shaders::POLYGONS_RIMS_FRAG);
+        let description = screen_description(shader, &[], color.format);
         let new = || {
             Target::new(
                 gpu,

@@ -10,9 +10,7 @@ use crate::abi::{CompiledShader, ConstantValue, PhotoGroup, PhotoHeader, PhotoTa
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
 use crate::gpu::image::{DeviceImage as Target, ImageFormat};
-use crate::gpu::pipeline::{
-    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
-};
+use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu, lock};
 use crate::projective::depth_map::PhotoVisibility;
 use crate::projective::frame_photos::{FramePhotos, MOST_PHOTOS, photo_tint};
@@ -24,8 +22,8 @@ use crate::render::frame_plan::FramePlan;
 use crate::render::vulkan::SAMPLES;
 use crate::render::vulkan::photos::DevicePhotos;
 use crate::render::vulkan::photos::pool::{MapPlace, PhotoPlaces, PixelsPlace};
-use crate::render::vulkan::raster_pass::{ScreenDraw, cover, full_screen};
-use crate::render::vulkan::targets::{FrameTargets, color_formats};
+use crate::render::vulkan::raster_pass::{ScreenDraw, cover, full_screen, screen_description};
+use crate::render::vulkan::targets::FrameTargets;
 use crate::render::{PhotoDisplay, Settings};
 use glam::Vec3;
 use std::sync::Arc;
@@ -108,17 +106,7 @@ fn pipeline(
     constants: &[ConstantValue],
     color: ImageFormat,
 ) -> Result<ShaderPipeline, Error> {
-    let description = PipelineDescription {
-        name,
-        vertex: &shaders::FILTERED_NORMALIZE_VERT,
-        fragment: Some(fragment),
-        constants,
-        record: VertexRecord::NOTHING,
-        topology: PrimitiveTopology::Triangles,
-        colors: color_formats(color, false),
-        depth: DepthMode::None,
-        is_additive: false,
-    };
+    let description = screen_description((name, fragment), constants, color);
     ShaderPipeline::new(gpu, &description)
 }
 
