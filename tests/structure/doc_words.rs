@@ -9,7 +9,7 @@ const NOT_FIRST: &[&str] = &[
 ];
 
 /// Comments that do. To be lowered with each that is mended, never raised.
-const WRONG: usize = 1202;
+const WRONG: usize = 1201;
 
 /// Line numbers of documentation that begins with one of those words, in front of the unit tests of a file.
 fn wrong_lines(source: &str) -> Vec<usize> {
