@@ -3,9 +3,9 @@
 #
 # usage: scripts/second-driver.sh MANIFEST.json [TEST...]
 #
-# MANIFEST.json is the file by which the Vulkan loader finds the driver (its ICD manifest). Tests are files of tests/ by
-# name; without any, those that compare pictures. What they print is kept in out/second-driver. Ends with 1 if a test
-# fails. docs/MEASURING.md says what is known to differ, and why.
+# MANIFEST.json is the file by which the Vulkan loader finds the driver (its ICD manifest). Tests are files of
+# tests/device by name; without any, those that compare pictures. What they print is kept in out/second-driver. Ends
+# with 1 if a test fails. docs/MEASURING.md says what is known to differ, and why.
 set -eu
 
 if [ $# -lt 1 ] || [ ! -f "$1" ]; then
@@ -27,12 +27,12 @@ status=0
 for test in "$@"; do
     log=$out/$test.txt
     echo "$test"
-    if ! cargo test --locked --test "$test" -- --show-output >"$log" 2>&1; then
+    if ! cargo test --locked --test device "$test::" -- --show-output >"$log" 2>&1; then
         status=1
     fi
     # Names of the tests that fail, then what the driver lacks, each once.
     sed -n 's/^test \(.*\) \.\.\. FAILED$/  differs: \1/p' "$log"
     sed -n 's/^\(the device has no .*\)$/  not tested: \1/p' "$log" | sort -u
-    grep -q '^test result' "$log" || echo "  did not run, see $log"
+    grep -q '^test result: .* [1-9][0-9]* passed\|^test result: FAILED' "$log" || echo "  did not run, see $log"
 done
 exit "$status"

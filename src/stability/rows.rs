@@ -88,7 +88,8 @@ const FLAT_BOX: &str = "at a flat angle the rectangle of a large leaf is lower t
 /// It holds about as much of one as of the other, (102, 102, 0), and shows what it holds.
 const BOTH_SHEETS: &str = "both sheets lie in a node of the threshold's size, so its mean is what is asked for: as much of each as there are triangles of it in the node";
 /// Least and most red of those nodes: 204 times 2 / 7 and 5 / 7, and a level of rounding; as much green. Where a
-/// sheet is not cut in the same places as the other, nodes are uneven: `tests/failures.rs` counts them, leaf by leaf.
+/// sheet is not cut in the same places as the other, nodes are uneven: `tests/device/failures.rs` counts them, leaf by
+/// leaf.
 pub const BOTH_SHEETS_RANGE: [f64; 2] = [57.0, 147.0];
 /// All triangles of these scenes face away from the eye.
 const CULLED: &str = "all of it faces away, and the option asks to drop that: nothing is left";

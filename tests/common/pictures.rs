@@ -1,7 +1,7 @@
 //! Picture oracles: what may differ between two pictures that should be the same, in how many pixels, and why.
 //!
 //! All tests that compare pictures take their tolerances from here. An oracle is a list of rules, and each rule counts
-//! the pixels that break it. `tests/pictures.rs` sees every oracle and every rule fail.
+//! the pixels that break it. `tests/device/pictures.rs` sees every oracle and every rule fail.
 
 use glam::Vec3;
 use surfel::gpu::Error;
