@@ -67,58 +67,59 @@ fn rims(stepped: &Image, covered: &Image) -> Vec<usize> {
     changed.map(|(at, _)| at).collect()
 }
 
-fn assert_as_reference(backend: &Backend, path: Path) {
+/// Compares what each backend draws of a view with the picture of the reference.
+fn assert_as_reference(ways: &[(Backend, Path)]) {
     for (name, model) in models(50_000) {
-        let mut engines = [backend, &Backend::Reference, &Backend::Cpu].map(|b| engine(b, &model));
+        let [mut reference, mut host] =
+            [Backend::Reference, Backend::Cpu].map(|backend| engine(&backend, &model));
+        let mut engines: Vec<Engine<'_>> =
+            (ways.iter().map(|(backend, _)| engine(backend, &model))).collect();
         for (number, view) in views(&model).iter().enumerate() {
-            let [stepped, covered] = [false, true].map(|covers_rims| Settings {
-                path,
-                ..settings(covers_rims)
-            });
-            let [image, exact, processor] = engines
-                .each_mut()
-                .map(|own| own.render(view, &covered).unwrap());
-            let without = engines[0].render(view, &stepped).unwrap();
-            assert_eq!(without.depth, image.depth, "{name} {number}");
-            assert_eq!(without.normal, image.normal, "{name} {number}");
-            let places = rims(&without, &image);
-            let far = |other: &Image| {
-                let is_far = |at: &usize| off(other.color[*at], image.color[*at]) > 24;
-                places.iter().filter(|at| is_far(at)).count()
-            };
-            let (all, far, apart) = (places.len(), far(&exact), far(&processor));
-            // From near nothing of a rim may be in the picture.
-            assert!(all > 50 || number == 2, "{name} {number}: {all}");
-            // Patches that are seen edge-on end square and round: a seventh of the rims of a torus far off, where patches are
-            // slivers.
-            assert!(far * 6 <= all, "{name} {number}: {far} of {all}");
-            // Where two patches are equally near the last bit of a depth decides which is seen.
-            assert!(apart * 50 <= all, "{name} {number}: {apart} of {all}");
+            let exact = reference.render(view, &settings(true)).unwrap();
+            let processor = host.render(view, &settings(true)).unwrap();
+            for (own, &(_, path)) in engines.iter_mut().zip(ways) {
+                let [without, image] = [false, true].map(|covers_rims| {
+                    let settings = settings(covers_rims);
+                    own.render(view, &Settings { path, ..settings }).unwrap()
+                });
+                let place = format!("{name} {number} by {path:?}");
+                assert_rims(&place, number == 2, [&without, &image, &exact, &processor]);
+            }
         }
     }
 }
 
-#[test]
-fn the_processor_covers_rims_as_the_reference_does() {
-    assert_as_reference(&Backend::Cpu, Path::Auto);
-}
-
-#[test]
-fn a_device_covers_rims_as_the_reference_does() {
-    let Some(device) = Device::open() else { return };
-    assert_as_reference(&Backend::Vulkan(device.gpu().clone()), Path::Raster);
-}
-
-#[test]
-fn compute_covers_rims_as_the_reference_does() {
-    let Some(device) = Device::with_compute() else {
-        return;
+/// A picture with stepped and with covered rims, that of the reference and that of the CPU backend.
+fn assert_rims(place: &str, is_near: bool, pictures: [&Image; 4]) {
+    let [without, image, exact, processor] = pictures;
+    assert_eq!(without.depth, image.depth, "{place}");
+    assert_eq!(without.normal, image.normal, "{place}");
+    let places = rims(without, image);
+    let far = |other: &Image| {
+        let is_far = |at: &&usize| off(other.color[**at], image.color[**at]) > 24;
+        places.iter().filter(is_far).count()
     };
-    assert_as_reference(&Backend::Vulkan(device.gpu().clone()), Path::Compute);
+    let (all, far, apart) = (places.len(), far(exact), far(processor));
+    // From near nothing of a rim may be in the picture.
+    assert!(all > 50 || is_near, "{place}: {all}");
+    // Patches that are seen edge-on end square and round: a seventh of the rims of a torus far off, where patches are
+    // slivers.
+    assert!(far * 6 <= all, "{place}: {far} of {all}");
+    // Where two patches are equally near the last bit of a depth decides which is seen.
+    assert!(apart * 50 <= all, "{place}: {apart} of {all}");
 }
 
-/// A sphere in the middle of the picture is a disc. Patches stand out by at most twice their tolerance, and sixteen samples know
-/// a part of a pixel to a sixteenth or so.
+#[test]
+fn every_backend_covers_rims_as_the_reference_does() {
+    let device = Device::open();
+    let mut ways = vec![(Backend::Cpu, Path::Auto)];
+    if let Some(device) = &device {
+        let gpu = || Backend::Vulkan(device.gpu().clone());
+        ways.extend(device.paths().iter().map(|&path| (gpu(), path)));
+    }
+    assert_as_reference(&ways);
+}
+
 #[test]
 fn coverage_of_a_sphere_is_that_of_a_disc() {
     let model = generated(GeneratedShape::Sphere, 200_000);
