@@ -39,15 +39,41 @@ fn cut(degrees: f64) -> SplatRules {
     }
 }
 
-fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Image {
-    let outputs = PictureOutputs {
-        depth: true,
+/// Engines of a model on one backend, without normals and with them, kept from picture to picture: a device makes its
+/// pipelines once.
+struct KeptEngines<'m> {
+    backend: Backend,
+    model: &'m Model,
+    made: [Option<Engine<'m>>; 2],
+}
+
+impl<'m> KeptEngines<'m> {
+    fn new(backend: &Backend, model: &'m Model) -> Self {
+        Self {
+            backend: backend.clone(),
+            model,
+            made: [None, None],
+        }
+    }
+
+    fn draw(&mut self, view: &View, settings: &Settings) -> Image {
         // Compute sums no normals.
-        normal: settings.path != Path::Compute || !is_blended(settings),
-        ..PictureOutputs::default()
-    };
-    let mut engine = Engine::new(backend, model, (view.width, view.height), outputs).unwrap();
-    engine.render(view, settings).unwrap()
+        let normal = settings.path != Path::Compute || !is_blended(settings);
+        let engine = self.made[usize::from(normal)].get_or_insert_with(|| {
+            let outputs = PictureOutputs {
+                depth: true,
+                normal,
+                ..PictureOutputs::default()
+            };
+            let size = (view.width, view.height);
+            Engine::new(&self.backend, self.model, size, outputs).unwrap()
+        });
+        engine.render(view, settings).unwrap()
+    }
+}
+
+fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Image {
+    KeptEngines::new(backend, model).draw(view, settings)
 }
 
 fn is_blended(settings: &Settings) -> bool {
@@ -77,6 +103,8 @@ fn assert_as_reference(own: &Backend, path: Path) {
             angle_test: Some(0.3),
             ..SplatRules::default()
         };
+        let [mut exact, mut drawn] =
+            [&Backend::Reference, own].map(|backend| KeptEngines::new(backend, &model));
         for rules in [cut(20.0), cut(5.0), whole, SplatRules::default()] {
             for azimuth in [0.3, 2.0, 4.5] {
                 let view = view(&model, azimuth);
@@ -92,8 +120,8 @@ fn assert_as_reference(own: &Backend, path: Path) {
                         ..settings(rules)
                     },
                 ] {
-                    let reference = draw(&Backend::Reference, &model, &view, &look);
-                    let own = draw(own, &model, &view, &Settings { path, ..look });
+                    let reference = exact.draw(&view, &look);
+                    let own = drawn.draw(&view, &Settings { path, ..look });
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
                     let count = differing(&reference, &own);
                     assert!(covered > 2000, "{name}: {covered}");
@@ -254,6 +282,8 @@ fn assert_blended_as_reference(own: &Backend, path: Path) {
             "motley" => vec![SplatRules::default()],
             _ => vec![cut(20.0), cut(3.0)],
         };
+        let [mut exact, mut drawn] =
+            [&Backend::Reference, own].map(|backend| KeptEngines::new(backend, &model));
         for rules in all {
             let is_drawn =
                 |look: &Settings| path != Path::Compute || look.shading == Shading::PerSplat;
@@ -266,8 +296,8 @@ fn assert_blended_as_reference(own: &Backend, path: Path) {
                         },
                         ..look
                     };
-                    let reference = draw(&Backend::Reference, &model, view, &look);
-                    let own = draw(own, &model, view, &Settings { path, ..look });
+                    let reference = exact.draw(view, &look);
+                    let own = drawn.draw(view, &Settings { path, ..look });
                     let covered = reference.color.iter().filter(|c| c[3] > 0).count();
                     let count = differing(&reference, &own) + turned(&reference, &own);
                     assert!(covered > 2000, "{name}: {covered}");
