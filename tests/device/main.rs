@@ -1,4 +1,4 @@
-//! What is drawn, by all backends: one program, since each links the library anew.
+//! Tests of what is drawn, by every backend. They are one program because every test program links the whole library.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod accuracy;

@@ -1,4 +1,5 @@
-//! Models, trees, cuts and photographs without a device: one program, since each links the library anew.
+//! Tests of models, trees, cuts and photographs, without a device. They are one program because every test program links the
+//! whole library.
 #![allow(
     clippy::unwrap_used,
     unreachable_pub,
