@@ -14,9 +14,9 @@ use crate::image::{FloatImage, Image, PictureAccumulator, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::ValueDistribution;
 use crate::progress::Progress;
-use crate::render::PictureOutputs;
 use crate::render::engine::Engine;
 use crate::render::stats::FrameTimes;
+use crate::render::{Path, PictureOutputs, Settings};
 use crate::tree::Model;
 use std::time::Instant;
 
@@ -25,8 +25,15 @@ const RAYS: &str = "rays, one a pixel";
 /// Note beside times of rays, which docs/PERFORMANCE.md compares with Embree's.
 const RAYS_BY: &str = "; by the crate obvhs, which takes about three times as long as Embree";
 const CHAIN: &str = "simplified meshes, 1 px";
+const CHAIN_BY_COMPUTE: &str = "simplified meshes by compute, 1 px";
 const DEFAULT: &str = "default";
-const PATCHES: &str = "patches";
+/// Ways that are measured beside rivals, in the order of [`BenchPlan::accurate_lines`] without filtered splats: name and rivals.
+const BESIDE: [(&str, &[&str]); 4] = [
+    (DEFAULT, &[RAYS, CHAIN]),
+    ("patches", &[RAYS, CHAIN]),
+    ("patches by raster", &[CHAIN]),
+    ("patches by compute", &[CHAIN, CHAIN_BY_COMPUTE]),
+];
 
 /// One way to draw, measured.
 #[derive(Debug, Default)]
@@ -52,6 +59,22 @@ impl FoundThreshold {
         let difference = compare(reference, picture, 8.0)?;
         self.psnr_db.push(difference.object.psnr_db);
         Ok(())
+    }
+
+    /// Draws a frame and judges it; `false` where the device cannot draw it so.
+    fn judge_frame(
+        &mut self,
+        engine: &mut Engine<'_>,
+        view: &View,
+        settings: &Settings,
+        reference: &FloatImage,
+    ) -> Result<bool, BenchError> {
+        use crate::gpu::Error as E;
+        match engine.render(view, settings) {
+            Ok(picture) => self.judge(reference, &picture).map(|()| true),
+            Err(E::Unsupported { .. } | E::Limit { .. }) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
     }
 
     fn offer(&self) -> ThresholdOffer {
@@ -98,9 +121,11 @@ pub fn figures(
         }
     }
     let mut engine = session.engine(model, SIZE)?;
-    let [default, filtered, patches] = plan.accurate_lines();
+    let [default, filtered, patches, raster, compute] = plan.accurate_lines();
     let mut lines = vec![cases::triangles()];
-    lines.extend(default.iter().chain(&filtered).chain(&patches).cloned());
+    for of in [&default, &filtered, &patches, &raster, &compute] {
+        lines.extend(of.iter().cloned());
+    }
     let frames = u64::from(plan.grid * plan.grid) + plan.rounds as u64;
     let all = plan.fills.len() as u64 * u64::from(plan.error_views) * frames;
     progress.stage(&format!("errors of {}", case.name), all);
@@ -118,19 +143,18 @@ pub fn figures(
         )?;
         found.retain(|f| !f.ms.is_empty());
         describe(&place, &found, &mut figures);
-        let is_of =
-            |f: &&FoundThreshold, lines: &[BenchLine]| lines.iter().any(|l| l.name == f.name);
-        let default: Vec<&FoundThreshold> = found.iter().filter(|f| is_of(f, &default)).collect();
-        let filtered: Vec<&FoundThreshold> = found.iter().filter(|f| is_of(f, &filtered)).collect();
-        let patches: Vec<&FoundThreshold> = found.iter().filter(|f| is_of(f, &patches)).collect();
-        for rival in [RAYS, CHAIN] {
-            let other = found.iter().find(|f| f.name == rival);
-            for own in [(DEFAULT, &default[..]), (PATCHES, &patches[..])] {
-                figures.push(beside(case, &place, own, other, rival));
+        let of = |lines: &[BenchLine]| -> Vec<&FoundThreshold> {
+            let is_of = |f: &&FoundThreshold| lines.iter().any(|l| l.name == f.name);
+            found.iter().filter(is_of).collect()
+        };
+        for ((line, names), own) in BESIDE.iter().zip([&default, &patches, &raster, &compute]) {
+            for name in *names {
+                let rival = found.iter().find(|f| f.name == *name);
+                figures.push(beside(case, &place, (line, &of(own)), rival, name));
             }
         }
         if let Some((db, target)) = case.filtered_target(fill) {
-            let offers: Vec<ThresholdOffer> = filtered.iter().map(|f| f.offer()).collect();
+            let offers: Vec<ThresholdOffer> = of(&filtered).iter().map(|f| f.offer()).collect();
             figures.push(in_time(&place, &offers, db).target(Some(target)));
         }
     }
@@ -157,7 +181,6 @@ fn at_distance(
     views: &[View],
     progress: &dyn Progress,
 ) -> Result<Vec<FoundThreshold>, BenchError> {
-    use crate::gpu::Error as E;
     let plain = cases::triangles().settings;
     let mut coarse = match coarse {
         Some(model) => Some(Engine::new(
@@ -170,7 +193,9 @@ fn at_distance(
     };
     let mut found: Vec<FoundThreshold> =
         lines.iter().map(|l| FoundThreshold::new(&l.name)).collect();
-    let (mut rays, mut chain) = (FoundThreshold::new(RAYS), FoundThreshold::new(CHAIN));
+    let mut rays = FoundThreshold::new(RAYS);
+    let mut chain = [(CHAIN, Path::Raster), (CHAIN_BY_COMPUTE, Path::Compute)]
+        .map(|(name, path)| (FoundThreshold::new(name), cases::triangles_by(path), true));
     let mut refused = vec![false; lines.len()];
     for view in views {
         if progress.is_cancelled() {
@@ -182,17 +207,15 @@ fn at_distance(
         };
         progress.advance(u64::from(plan.grid * plan.grid));
         for ((line, found), refused) in lines.iter().zip(&mut found).zip(&mut refused) {
-            match engine.render(view, &line.settings) {
-                Ok(picture) => found.judge(&reference, &picture)?,
-                Err(E::Unsupported { .. } | E::Limit { .. }) => *refused = true,
-                Err(error) => return Err(error.into()),
-            }
+            *refused |= !found.judge_frame(engine, view, &line.settings, &reference)?;
         }
         if let Some(caster) = &rivals.caster {
             rays.judge(&reference, &caster.draw(view))?;
         }
         if let Some(engine) = &mut coarse {
-            chain.judge(&reference, &engine.render(view, &plain)?)?;
+            for (found, settings, is_drawn) in &mut chain {
+                *is_drawn &= found.judge_frame(engine, view, settings, &reference)?;
+            }
         }
         for round in 0..plan.rounds {
             if progress.is_cancelled() {
@@ -213,14 +236,17 @@ fn at_distance(
                 rays.ms.push(start.elapsed().as_secs_f64() * 1e3);
             }
             if let Some(engine) = &mut coarse {
-                let times = engine.draw(view, &plain)?;
-                chain.ms.push(times.frame_ms);
-                chain.times = Some(times);
+                for (found, settings, _) in chain.iter_mut().filter(|(.., is_drawn)| *is_drawn) {
+                    let times = engine.draw(view, settings)?;
+                    found.ms.push(times.frame_ms);
+                    found.times = Some(times);
+                }
             }
             progress.advance(1);
         }
     }
-    found.extend([rays, chain]);
+    found.push(rays);
+    found.extend(chain.map(|(found, ..)| found));
     Ok(found)
 }
 
@@ -269,6 +295,10 @@ fn beside(
     let has_target = is_rays && line == DEFAULT && case.model.triangles.len() >= 1_000_000;
     let target = has_target.then_some(BenchTarget::AtLeast(1.0));
     let figure_name = format!("times faster than {name} at equal FLIP");
+    if own.is_empty() {
+        let why = "the device cannot draw it so";
+        return BenchFigure::absent(PART, place, line, &figure_name, "x", why).target(target);
+    }
     let Some(rival) = rival else {
         let why = if rivals::ARE_BUILT_IN {
             "it drew nothing"
@@ -400,6 +430,9 @@ mod tests {
         assert_eq!(ahead.verdict(), BenchVerdict::None);
         let none = super::beside(&case, &place, (DEFAULT, &default), None, RAYS);
         assert_eq!(none.verdict(), BenchVerdict::Absent);
+        let rival = found(CHAIN, 1.0, 0.01, 26.0);
+        let refused = super::beside(&case, &place, (DEFAULT, &[]), Some(&rival), CHAIN);
+        assert_eq!(refused.verdict(), BenchVerdict::Absent);
     }
 
     #[test]

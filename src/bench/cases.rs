@@ -152,10 +152,7 @@ pub fn pop(splat: SplatKind, path: Path, threshold_px: f32) -> BenchLine {
         _ => String::new(),
     };
     let kind = word(&|| serde_json::to_value(splat));
-    let by = match path {
-        Path::Auto => String::new(),
-        _ => format!(" by {}", word(&|| serde_json::to_value(path))),
-    };
+    let by = by_path(path);
     BenchLine {
         name: format!("pop {kind}{by}, {threshold_px} px"),
         settings: Settings {
@@ -168,12 +165,18 @@ pub fn pop(splat: SplatKind, path: Path, threshold_px: f32) -> BenchLine {
     }
 }
 
+/// Words for a path in the name of a line; none for the one that is chosen.
+fn by_path(path: Path) -> &'static str {
+    match path {
+        Path::Auto => "",
+        Path::Raster => " by raster",
+        Path::Compute => " by compute",
+    }
+}
+
 /// Patches within the usual tolerances, and squares and triangles of what is none.
 pub fn patches(path: Path) -> BenchLine {
-    let by = match path {
-        Path::Raster => " by raster",
-        _ => "",
-    };
+    let by = by_path(path);
     BenchLine {
         name: format!("patches{by}, usual tolerances"),
         settings: Settings {
@@ -185,8 +188,9 @@ pub fn patches(path: Path) -> BenchLine {
     }
 }
 
-/// Patches by given rules, drawn by whoever `auto` chooses.
-pub fn patches_by(rules: PatchRules) -> BenchLine {
+/// Patches by given rules, drawn by one path. A path that is asked for draws on the device and is [rare](BenchLine::is_rare):
+/// on a software device it is many times slower than the processor.
+pub fn patches_by(rules: PatchRules, path: Path) -> BenchLine {
     let ErrorTolerances {
         rim_px,
         inside_px,
@@ -198,12 +202,16 @@ pub fn patches_by(rules: PatchRules) -> BenchLine {
         _ => "",
     };
     BenchLine {
-        name: format!("patches, {rim_px},{inside_px},{shade_levels}{how}"),
+        name: format!(
+            "patches{}, {rim_px},{inside_px},{shade_levels}{how}",
+            by_path(path)
+        ),
         settings: Settings {
             patches: Some(rules),
+            path,
             ..Settings::default()
         },
-        is_rare: false,
+        is_rare: path != Path::Auto,
     }
 }
 
@@ -235,7 +243,20 @@ pub fn lists(threshold_px: f32) -> [BenchLine; 2] {
     })
 }
 
+/// Plain triangles by a path. Compute draws them as `pop` does, from a tree that is cut down to its leaves.
+pub fn triangles_by(path: Path) -> Settings {
+    match path {
+        Path::Compute => Settings {
+            threshold_px: 0.0,
+            path,
+            ..Settings::default()
+        },
+        _ => triangles().settings,
+    }
+}
+
 /// Rules of patches whose errors are measured: the usual ones, finer and coarser, with nodes below a pixel, and with covered rims.
+/// By each rasterizer of the device only the first [`ERRORS_BY_DEVICE`] are.
 const ERRORS: [PatchRules; 7] = [
     within(0.15, 0.25, 24.0),
     within(0.1, 0.15, 8.0),
@@ -248,6 +269,9 @@ const ERRORS: [PatchRules; 7] = [
     covered(within(0.15, 0.25, 24.0)),
     covered(within(0.25, 0.5, 24.0)),
 ];
+
+/// Number of [`ERRORS`] that are measured by each rasterizer of the device.
+const ERRORS_BY_DEVICE: usize = 4;
 
 const fn covered(rules: PatchRules) -> PatchRules {
     PatchRules {
@@ -355,14 +379,21 @@ impl BenchPlan {
         lines
     }
 
-    /// The ways whose errors are measured: the default method, filtered splats, and patches.
-    pub fn accurate_lines(&self) -> [Vec<BenchLine>; 3] {
+    /// The ways whose errors are measured: the default method, filtered splats, patches, and patches by either rasterizer of the
+    /// device.
+    pub fn accurate_lines(&self) -> [Vec<BenchLine>; 5] {
         let [of_default, of_filtered] = &self.accurate;
         let filtered = |t: &f32| pop(SplatKind::Filtered, Path::Auto, *t);
+        let by_device = |path| {
+            let rules = ERRORS.iter().take(ERRORS_BY_DEVICE);
+            rules.map(|r| patches_by(*r, path)).collect()
+        };
         [
             of_default.iter().map(|t| default(*t)).collect(),
             of_filtered.iter().map(filtered).collect(),
-            ERRORS.map(patches_by).to_vec(),
+            ERRORS.map(|r| patches_by(r, Path::Auto)).to_vec(),
+            by_device(Path::Raster),
+            by_device(Path::Compute),
         ]
     }
 }
@@ -436,7 +467,10 @@ mod tests {
             names.dedup();
             assert_eq!(names.len(), count);
             assert_eq!(plan.sizes[0], SIZE);
-            let [default, filtered, patches] = plan.accurate_lines();
+            let [default, filtered, patches, raster, compute] = plan.accurate_lines();
+            assert!(raster.iter().all(|l| l.settings.path == Path::Raster));
+            assert!(compute.iter().all(|l| l.settings.path == Path::Compute));
+            assert_eq!([raster.len(), compute.len()], [ERRORS_BY_DEVICE; 2]);
             assert!(default.len() >= 4 && filtered.len() >= 3 && patches.len() >= 3);
             let usual = patches[0].settings.patches.unwrap_or_default();
             assert_eq!(usual, PatchRules::default());
