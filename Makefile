@@ -42,7 +42,7 @@ test:
 	scripts/setup-test.sh
 	$(CARGO) fmt --all -- --check
 	$(CARGO) clippy --locked $(FEATURES) --features rivals --all-targets -- -D warnings
-	$(CARGO) clippy --locked --no-default-features --all-targets -- -D warnings
+	$(CARGO) clippy --locked --no-default-features --lib --bins -- -D warnings
 	$(CARGO) test --locked $(FEATURES) --features rivals --no-fail-fast
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked $(FEATURES) --no-deps
 

@@ -281,11 +281,12 @@ pub fn run(
     progress.stage("draw", entries.len() as u64);
     for entry in entries {
         let case = FailureCase::new(entry, backend)?;
+        let mut engine = case.engine(backend)?;
         for look in looks.iter().filter(|look| look.is_for(&case)) {
             if progress.is_cancelled() {
                 return Err(FailuresError::Cancelled);
             }
-            let picture = case.draw(backend, look)?;
+            let picture = case.draw(&mut engine, look)?;
             let cell = case.judge(look, &picture)?;
             sink(&case, look, cell, picture)?;
         }
@@ -304,17 +305,29 @@ impl FailureCase {
         }
     }
 
-    /// The picture of a look.
+    /// Makes what draws the scene by every look.
+    ///
+    /// # Errors
+    /// When the device cannot hold the model.
+    pub fn engine(&self, backend: &Backend) -> Result<Engine<'_>, FailuresError> {
+        let size = (self.view.width, self.view.height);
+        let outputs = PictureOutputs::default();
+        Ok(Engine::new(backend, &self.model, size, outputs)?)
+    }
+
+    /// Draws the picture of a look with an engine [of the scene](Self::engine).
     ///
     /// # Errors
     /// When the device cannot draw.
-    pub fn draw(&self, backend: &Backend, look: &FailureLook) -> Result<Image, FailuresError> {
+    pub fn draw(
+        &self,
+        engine: &mut Engine<'_>,
+        look: &FailureLook,
+    ) -> Result<Image, FailuresError> {
         let settings = Settings {
             threshold_px: self.splat_px(look),
             ..look.settings
         };
-        let size = (self.view.width, self.view.height);
-        let mut engine = Engine::new(backend, &self.model, size, PictureOutputs::default())?;
         Ok(engine.render(&self.view, &settings)?)
     }
 }

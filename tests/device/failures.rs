@@ -15,7 +15,7 @@ use surfel::render::Settings;
 use surfel::render::cut_key::cut_settings;
 use surfel::render::engine::{Backend, Engine};
 use surfel::scenes;
-use surfel::stability::{FailureCase, FailureCell, FailureLook, FailureVerdict, looks, rows};
+use surfel::stability::{FailureCase, FailureCell, FailureVerdict, looks, rows};
 
 /// All scenes, made once for all tests of this file.
 fn cases() -> &'static [FailureCase] {
@@ -44,18 +44,19 @@ fn line(cell: &FailureCell) -> String {
 /// Draws everything and holds every figure to its row or rule.
 fn check(backend: &Backend) {
     let looks = looks();
-    let pairs: Vec<(&FailureCase, &FailureLook)> = cases()
-        .iter()
-        .flat_map(|case| looks.iter().map(move |look| (case, look)))
-        .filter(|(case, look)| look.is_for(case))
-        .collect();
-    let judge = |(case, look): &(&FailureCase, &FailureLook)| {
-        let picture = case.draw(backend, look).unwrap();
-        case.judge(look, &picture).unwrap()
+    let judge = |case: &FailureCase| -> Vec<FailureCell> {
+        let mut engine = case.engine(backend).unwrap();
+        let looks = looks.iter().filter(|look| look.is_for(case));
+        looks
+            .map(|look| {
+                let picture = case.draw(&mut engine, look).unwrap();
+                case.judge(look, &picture).unwrap()
+            })
+            .collect()
     };
     let cells: Vec<FailureCell> = match backend {
-        Backend::Reference => pairs.par_iter().map(judge).collect(),
-        _ => pairs.iter().map(judge).collect(),
+        Backend::Reference => cases().par_iter().flat_map(judge).collect(),
+        _ => cases().iter().flat_map(judge).collect(),
     };
     let mut wrong = Vec::new();
     let count = |verdict| cells.iter().filter(|c| c.verdict == verdict).count();
