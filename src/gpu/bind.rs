@@ -96,7 +96,7 @@ pub(super) fn bind(
     bound: &BoundResources<'_>,
 ) {
     let device = &site.gpu.device;
-    let layouts = [pipeline.set_layout];
+    let layouts = [pipeline.parts().set_layout];
     let info = vk::DescriptorSetAllocateInfo::default()
         .descriptor_pool(site.descriptors)
         .set_layouts(&layouts);
@@ -119,7 +119,7 @@ pub(super) fn bind(
             return;
         }
     };
-    for &(binding, kind) in &pipeline.bindings {
+    for &(binding, kind) in &pipeline.parts().bindings {
         let mut buffers = [vk::DescriptorBufferInfo::default()];
         let mut infos = [vk::DescriptorImageInfo::default()];
         let write = vk::WriteDescriptorSet::default()
@@ -190,7 +190,14 @@ pub(super) fn bind(
     );
     // SAFETY: the command buffer is being recorded; every binding of the set has been written.
     unsafe {
-        device.cmd_bind_pipeline(site.commands, point, pipeline.handle);
-        device.cmd_bind_descriptor_sets(site.commands, point, pipeline.layout, 0, &sets, &[]);
+        device.cmd_bind_pipeline(site.commands, point, pipeline.parts().handle);
+        device.cmd_bind_descriptor_sets(
+            site.commands,
+            point,
+            pipeline.parts().layout,
+            0,
+            &sets,
+            &[],
+        );
     }
 }

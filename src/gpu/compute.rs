@@ -120,7 +120,7 @@ impl ComputeRecorder<'_> {
             storage,
         };
         bind::bind(&self.site, vk::PipelineBindPoint::COMPUTE, pipeline, &bound);
-        self.group = pipeline.group;
+        self.group = pipeline.parts().group;
     }
 
     /// Runs at least `items` invocations, as rows of workgroups that the device's limit allows: a shader finds its

@@ -177,6 +177,7 @@ pub struct Gpu {
     allocator: ManuallyDrop<Mutex<Allocator>>,
     timeline: vk::Semaphore,
     pipeline_cache: vk::PipelineCache,
+    kept_pipelines: Mutex<pipeline::KeptPipelines>,
     /// Reads single texels; passes that filter do it by themselves.
     sampler: vk::Sampler,
     device: ash::Device,
@@ -280,6 +281,7 @@ impl Gpu {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             timeline: vk::Semaphore::null(),
             pipeline_cache: vk::PipelineCache::null(),
+            kept_pipelines: Mutex::default(),
             sampler: vk::Sampler::null(),
             device,
             debug_device,
@@ -562,6 +564,8 @@ impl Drop for Gpu {
     fn drop(&mut self) {
         self.wait_idle();
         pipeline::store_cache(self);
+        let kept = std::mem::take(&mut *lock(&self.kept_pipelines));
+        kept.remains().for_each(|remains| self.destroy(remains));
         loop {
             let next = lock(&self.remains).pop_front();
             let Some((_, remains)) = next else { break };

@@ -1,13 +1,16 @@
 //! Pipelines from embedded shaders, and the pipeline cache on disk.
 
 mod attributes;
+mod kept;
 mod specialization;
 
 pub(crate) use attributes::record;
 pub use attributes::{AttributeFormat, RecordAttribute, VertexRecord};
+pub(super) use kept::KeptPipelines;
+use kept::{PipelineKey, PipelineParts};
 
 use super::image::ImageFormat;
-use super::{Error, Gpu, RetiredResource};
+use super::{Error, Gpu, lock};
 use crate::abi::{BindingKind, CompiledShader, ConstantValue, ShaderStage, constants};
 use ash::vk;
 use specialization::{SpecializedConstants, check_constants};
@@ -68,13 +71,8 @@ pub enum DepthMode {
 #[derive(Debug)]
 pub struct ShaderPipeline {
     gpu: Arc<Gpu>,
-    pub(super) handle: vk::Pipeline,
-    pub(super) layout: vk::PipelineLayout,
-    pub(super) set_layout: vk::DescriptorSetLayout,
-    pub(super) bindings: Vec<(u32, BindingKind)>,
-    /// Invocations of a workgroup; 1 for graphics.
-    pub(super) group: u32,
-    name: String,
+    parts: PipelineParts,
+    key: PipelineKey,
 }
 
 fn stage_flags(stage: ShaderStage) -> vk::ShaderStageFlags {
@@ -160,16 +158,16 @@ impl ShaderPipeline {
         flags: u32,
         is_over: bool,
     ) -> Result<Self, Error> {
-        let PipelineDescription {
-            name,
-            vertex,
-            fragment,
-            ..
-        } = *description;
-        let mut pipeline = Self::with_layout(gpu, name, std::iter::once(vertex).chain(fragment))?;
-        pipeline.handle = compile(gpu, description, pipeline.layout, (flags, is_over))?;
+        let key = PipelineKey::graphics(description, (flags, is_over));
+        if let Some(kept) = Self::kept(gpu, &key) {
+            return Ok(kept);
+        }
+        let shaders = std::iter::once(description.vertex).chain(description.fragment);
+        let mut pipeline = Self::with_layout(gpu, key, shaders)?;
+        let parts = &mut pipeline.parts;
+        parts.handle = compile(gpu, description, parts.layout, (flags, is_over))?;
         gpu.compiled_pipelines.fetch_add(1, Ordering::Relaxed);
-        gpu.name(pipeline.handle, name);
+        gpu.name(parts.handle, description.name);
         Ok(pipeline)
     }
 
@@ -213,7 +211,12 @@ impl ShaderPipeline {
         (constants, flags): (&[ConstantValue], u32),
     ) -> Result<Self, Error> {
         check_constants(name, &[shader], constants);
-        let mut pipeline = Self::with_layout(gpu, name, std::iter::once(shader))?;
+        let key = PipelineKey::compute(name, shader, (constants, flags));
+        if let Some(kept) = Self::kept(gpu, &key) {
+            return Ok(kept);
+        }
+        let mut pipeline = Self::with_layout(gpu, key, std::iter::once(shader))?;
+        let parts = &mut pipeline.parts;
         let module = ShaderModule::new(gpu, shader)?;
         let specialized = SpecializedConstants::new(shader, constants, flags);
         let specialization = specialized.info();
@@ -225,30 +228,41 @@ impl ShaderPipeline {
                     .name(c"main")
                     .specialization_info(&specialization),
             )
-            .layout(pipeline.layout);
+            .layout(parts.layout);
         // SAFETY: everything the description points to lives until the call returns, and belongs to this device.
         let made = unsafe {
             gpu.device
                 .create_compute_pipelines(gpu.pipeline_cache, &[info], None)
         };
-        pipeline.handle = match made {
+        parts.handle = match made {
             Ok(pipelines) => pipelines[0],
             Err((_, result)) => {
                 return Err(Error::vulkan("vkCreateComputePipelines", name)(result));
             }
         };
-        pipeline.group = shader.local_size.iter().product();
+        parts.group = shader.local_size.iter().product();
         gpu.compiled_pipelines.fetch_add(1, Ordering::Relaxed);
-        gpu.name(pipeline.handle, name);
+        gpu.name(parts.handle, name);
         Ok(pipeline)
+    }
+
+    /// Takes the pipeline of a key, where one is kept.
+    fn kept(gpu: &Arc<Gpu>, key: &PipelineKey) -> Option<Self> {
+        let parts = lock(&gpu.kept_pipelines).take(key)?;
+        Some(Self {
+            gpu: gpu.clone(),
+            parts,
+            key: key.clone(),
+        })
     }
 
     /// Everything but the pipeline itself: layouts as the shaders declare them.
     fn with_layout<'s>(
         gpu: &Arc<Gpu>,
-        name: &str,
+        key: PipelineKey,
         shaders: impl Iterator<Item = &'s CompiledShader>,
     ) -> Result<Self, Error> {
+        let name = &key.name.clone();
         // Union of the bindings of all stages.
         let mut bindings: Vec<(u32, BindingKind, vk::ShaderStageFlags)> = Vec::new();
         for shader in shaders {
@@ -269,12 +283,14 @@ impl ShaderPipeline {
         bindings.sort_unstable_by_key(|binding| binding.0);
         let mut pipeline = Self {
             gpu: gpu.clone(),
-            handle: vk::Pipeline::null(),
-            layout: vk::PipelineLayout::null(),
-            set_layout: vk::DescriptorSetLayout::null(),
-            bindings: bindings.iter().map(|b| (b.0, b.1)).collect(),
-            group: 1,
-            name: name.to_owned(),
+            parts: PipelineParts {
+                handle: vk::Pipeline::null(),
+                layout: vk::PipelineLayout::null(),
+                set_layout: vk::DescriptorSetLayout::null(),
+                bindings: bindings.iter().map(|b| (b.0, b.1)).collect(),
+                group: 1,
+            },
+            key,
         };
         let descriptors: Vec<_> = bindings
             .iter()
@@ -287,22 +303,27 @@ impl ShaderPipeline {
             })
             .collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&descriptors);
+        let parts = &mut pipeline.parts;
         // SAFETY: the device is alive; the description lives until the call returns.
-        pipeline.set_layout = unsafe { gpu.device.create_descriptor_set_layout(&info, None) }
+        parts.set_layout = unsafe { gpu.device.create_descriptor_set_layout(&info, None) }
             .map_err(Error::vulkan("vkCreateDescriptorSetLayout", name))?;
-        let sets = [pipeline.set_layout];
+        let sets = [parts.set_layout];
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
         // SAFETY: as above; the set layout was just made.
-        pipeline.layout = unsafe { gpu.device.create_pipeline_layout(&info, None) }
+        parts.layout = unsafe { gpu.device.create_pipeline_layout(&info, None) }
             .map_err(Error::vulkan("vkCreatePipelineLayout", name))?;
-        gpu.name(pipeline.layout, name);
-        gpu.name(pipeline.set_layout, name);
+        gpu.name(parts.layout, name);
+        gpu.name(parts.set_layout, name);
         Ok(pipeline)
     }
 
     /// Name, as in captures.
     pub fn name(&self) -> &str {
-        &self.name
+        &self.key.name
+    }
+
+    pub(super) fn parts(&self) -> &PipelineParts {
+        &self.parts
     }
 }
 
@@ -455,11 +476,16 @@ fn compile(
 
 impl Drop for ShaderPipeline {
     fn drop(&mut self) {
-        for remains in [
-            RetiredResource::Pipeline(self.handle),
-            RetiredResource::PipelineLayout(self.layout),
-            RetiredResource::DescriptorSetLayout(self.set_layout),
-        ] {
+        let gone = PipelineParts {
+            bindings: std::mem::take(&mut self.parts.bindings),
+            ..self.parts
+        };
+        let gone = match gone.handle == vk::Pipeline::null() {
+            // It was never whole.
+            true => Some(gone),
+            false => lock(&self.gpu.kept_pipelines).keep(self.key.clone(), gone),
+        };
+        for remains in gone.into_iter().flat_map(PipelineParts::remains) {
             self.gpu.bury(remains);
         }
     }

@@ -47,7 +47,7 @@ impl AttributeFormat {
 }
 
 /// The record of a vertex buffer.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VertexRecord {
     /// Bytes from one record to the next.
     pub stride: u32,
